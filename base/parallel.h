@@ -1,0 +1,18 @@
+// Data-parallel loops over indices. Plain pthreads rather than OpenMP, so that the thread sanitizer
+// understands them.
+#pragma once
+#include "status.h"
+#include <stdatomic.h>
+#include <stdbool.h>
+#include <stdint.h>
+
+// Number of processors available to this process, at least 1.
+uint32_t hw_thread_count_default(void);
+
+// Calls fn(context, index, thread) for every index in [0, count), handed out one by one in rising
+// order, on `threads` threads (0: the default; the caller's thread is one of them; 1 runs inline).
+// `thread` is in [0, threads). The first failure stops the hand-out; its status is returned with
+// its message. A non-null `stop` that becomes true stops it with HW_INTERRUPTED.
+typedef hw_status (*hw_parallel_fn)(void *context, uint64_t index, uint32_t thread);
+HW_MUST_USE hw_status hw_parallel_for(uint64_t count, uint32_t threads, hw_parallel_fn fn,
+                                      void *context, const atomic_bool *stop);

@@ -1,0 +1,9 @@
+// The clock and the process's own memory, for benchmarks and reports.
+#pragma once
+#include <stdint.h>
+
+// Monotonic milliseconds since an arbitrary start.
+double hw_clock_ms(void);
+// Resident set size of this process in bytes, now and at its peak; 0 where /proc is missing.
+uint64_t hw_rss_bytes(void);
+uint64_t hw_rss_peak_bytes(void);

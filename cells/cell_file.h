@@ -1,0 +1,79 @@
+// One cell's content: what lies near it (by reference) and the textured meshes that stand for
+// everything far. File type .hxc.
+//
+// Far vertices live in image space (thesis 5.2.2, projective-alike texture mapping): the capture of
+// an object is a perspective view from the cell centre C through the plane of face f (axis a, right
+// r, up u; hw_face_basis). With 16-bit x, y, z and
+//   wx = x_min + x (x_max - x_min) / 65535,   wy likewise,   iz = iz_min + z (iz_max - iz_min) /
+//   65535
+// the world position is C + (a + wx r + wy u) / iz. That is a projective map, so texture
+// coordinates are linear in (x, y):
+//   atlas texel = rect.x + x rect.width / 65535,  rect.y + y rect.height / 65535  (texel row 0 is
+//   the bottom of the image, y up).
+#pragma once
+#include "atlas.h"
+#include "container.h"
+#include "hexgrid.h"
+#include "status.h"
+
+#define HW_CELL_MAGIC        HW_FOURCC('H', 'X', 'W', 'C')
+#define HW_CELL_VERSION      1u
+#define HW_CELL_RECORDS_MAX  65535u
+#define HW_CELL_VERTICES_MAX (1u << 26)
+#define HW_CELL_INDICES_MAX  (1u << 28)
+#define HW_CELL_ATLAS_MAX    8192u
+
+typedef struct hw_near_record {
+    uint32_t object_idx; // into the manifest's objects
+    uint32_t
+        level; // finest level of its mesh that any view point of the cell needs; 0 = the original
+} hw_near_record;
+
+typedef struct hw_far_record {
+    uint32_t object_idx; // into the manifest's objects (of a cluster: its first)
+    uint32_t face;       // 0..5
+    float x_min, x_max, y_min, y_max, iz_min, iz_max;
+    hw_box bounds; // world, for culling
+    hw_rect rect;  // in the atlas, texels; without the padding
+    uint32_t first_vertex, vertex_count;
+    uint32_t first_index, index_count; // indices are absolute (into hw_cell.vertices) and stay
+                                       // within the record's vertices
+} hw_far_record;
+
+typedef struct hw_far_vertex {
+    uint16_t x, y, z;
+    uint16_t record; // which far record it belongs to
+} hw_far_vertex;
+_Static_assert(sizeof(hw_far_vertex) == 8, "a far vertex is eight bytes");
+
+typedef struct hw_cell {
+    hw_cell_id id;
+    hw_vec3 centre;
+    uint64_t key; // of the build that made it
+    uint32_t near_count, far_count, vertex_count, index_count;
+    hw_near_record *near;
+    hw_far_record *far; // records' vertex and index ranges tile the arrays in order
+    hw_far_vertex *vertices;
+    uint32_t *indices;
+    uint32_t atlas_width, atlas_height; // multiples of 4; 0 x 0 when there are no far objects
+    uint8_t *atlas_bc1;
+} hw_cell;
+
+void hw_cell_free(hw_cell *cell);
+// Checks every invariant stated above; HW_FORMAT names the first broken one. `name` is for
+// messages.
+HW_MUST_USE hw_status hw_cell_validate(const hw_cell *cell, const char *name);
+// Atomic. Deterministic bytes (meshoptimizer's vertex and index codecs, then zstd).
+HW_MUST_USE hw_status hw_cell_write(const hw_cell *cell, const char *path);
+// Validated before it returns; on failure *out is zeroed.
+HW_MUST_USE hw_status hw_cell_read(const char *path, hw_cell *out);
+HW_MUST_USE hw_status hw_cell_decode(const char *name, const void *bytes, size_t size,
+                                     hw_cell *out);
+// Whether `path` holds a complete cell with this key: opens and validates it. A missing or broken
+// file gives false.
+bool hw_cell_is_current(const char *path, uint64_t key);
+// "cells/<level>/<q>_<r>.hxc" below the dataset folder.
+HW_MUST_USE hw_status hw_cell_path(char **out, const char *dataset, hw_cell_id id);
+// World from image space of a record: maps (x, y, z, 1) with x, y, z as the 16-bit integers to
+// homogeneous world coordinates.
+hw_mat4 hw_far_record_matrix(const hw_far_record *record, hw_vec3 centre);

@@ -1,0 +1,46 @@
+// The manifest of a dataset (manifest.json): written last, read first. Everything the run time
+// needs besides cells and meshes.
+#pragma once
+#include "hexgrid.h"
+#include "scene.h"
+#include "status.h"
+
+#define HW_MANIFEST_VERSION 1
+
+typedef struct hw_manifest_object {
+    uint32_t mesh_idx;
+    hw_mat4 transform;
+    hw_box bounds;
+    float color[3];      // the material's base colour
+    int32_t texture_idx; // "meshes/texture_<idx>.png", -1 if none
+} hw_manifest_object;
+
+typedef struct hw_manifest_cell {
+    hw_cell_id id;
+    uint64_t bytes;
+} hw_manifest_cell;
+
+typedef struct hw_manifest {
+    char *scene_path; // absolute path of the scene it was built from
+    uint64_t scene_hash, key;
+    uint64_t scene_triangles;
+    char *policy;
+    double self_occlusion_px, edge_length_px, near_error_px;
+    double build_seconds;
+    uint64_t mesh_bytes, texture_bytes; // sums over the cells, as stored
+    uint64_t near_bytes;                // the meshes folder
+    hw_hexgrid grid;
+    hw_ground ground;
+    uint32_t mesh_count, texture_count, object_count, cell_count;
+    hw_manifest_object *objects;
+    hw_manifest_cell *cells;
+} hw_manifest;
+
+void hw_manifest_free(hw_manifest *manifest);
+HW_MUST_USE hw_status hw_manifest_write(const char *dataset, const hw_manifest *manifest);
+// Reads and validates "<dataset>/manifest.json": version, counts, indices, finite numbers.
+// HW_NOT_FOUND tells that the folder is no (finished) dataset; HW_VERSION names both versions.
+HW_MUST_USE hw_status hw_manifest_read(const char *dataset, hw_manifest *out);
+// Parses text (for the fuzzer).
+HW_MUST_USE hw_status hw_manifest_parse(const char *name, const char *text, size_t size,
+                                        hw_manifest *out);

@@ -1,0 +1,33 @@
+// A near mesh and its levels of detail, stored once per mesh of the scene. File type .hxm; each
+// level is a chunk of its own, so that the run time reads only the levels it draws.
+#pragma once
+#include "container.h"
+#include "mesh.h"
+#include "status.h"
+
+#define HW_MESH_MAGIC      HW_FOURCC('H', 'X', 'W', 'M')
+#define HW_MESH_VERSION    1u
+#define HW_MESH_LEVELS_MAX 64u
+
+typedef struct hw_mesh_level_info {
+    uint32_t vertex_count, index_count;
+    float error_rms, error_max; // measured distance to the original, mesh units; 0 at level 0;
+                                // never falling with the level
+    float error_silhouette;     // measured mean outline deviation, mesh units
+} hw_mesh_level_info;
+
+typedef struct hw_mesh_file hw_mesh_file;
+
+// levels[0] is the original. Atomic, deterministic.
+HW_MUST_USE hw_status hw_mesh_file_write(const char *path, uint64_t key, const hw_mesh *levels,
+                                         const hw_mesh_level_info *infos, uint32_t count);
+// Opens and checks the header and the level table.
+HW_MUST_USE hw_status hw_mesh_file_open(hw_mesh_file **out, const char *path);
+void hw_mesh_file_close(hw_mesh_file *file);
+uint64_t hw_mesh_file_key(const hw_mesh_file *file);
+uint32_t hw_mesh_file_level_count(const hw_mesh_file *file);
+const hw_mesh_level_info *hw_mesh_file_level(const hw_mesh_file *file, uint32_t level);
+// Reads one level (positions, normals, colours and uvs if there), validated. Thread-safe.
+HW_MUST_USE hw_status hw_mesh_file_read(const hw_mesh_file *file, uint32_t level, hw_mesh *out);
+// "meshes/<index>.hxm" below the dataset folder.
+HW_MUST_USE hw_status hw_mesh_path(char **out, const char *dataset, uint32_t mesh_idx);

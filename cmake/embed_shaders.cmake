@@ -1,0 +1,12 @@
+# Writes every shader file as a C string constant: shaders/far.vert becomes hw_shader_far_vert.
+set(text "// Generated from runtime/shaders.\n#pragma once\n")
+foreach(shader ${SHADERS})
+  get_filename_component(name ${shader} NAME)
+  string(MAKE_C_IDENTIFIER ${name} id)
+  file(READ ${shader} source)
+  string(REPLACE "\\" "\\\\" source "${source}")
+  string(REPLACE "\"" "\\\"" source "${source}")
+  string(REPLACE "\n" "\\n\"\n    \"" source "${source}")
+  string(APPEND text "static const char hw_shader_${id}[] __attribute__((unused)) =\n    \"${source}\";\n")
+endforeach()
+file(WRITE ${OUT} "${text}")

@@ -1,0 +1,37 @@
+// Ray casting and closest-point queries on scenes and meshes (Embree 3; rays.c is the only file
+// that includes it). Committed once, then read-only: every query is thread-safe.
+#pragma once
+#include "scene.h"
+
+typedef struct hw_rays hw_rays;
+
+// One mesh in its own space. Borrows the mesh.
+HW_MUST_USE hw_status hw_rays_create_mesh(hw_rays **out, const hw_mesh *mesh);
+// A whole scene, instanced: hits give the object. Borrows the scene.
+HW_MUST_USE hw_status hw_rays_create_scene(hw_rays **out, const hw_scene *scene);
+void hw_rays_destroy(hw_rays *rays);
+
+typedef struct hw_hit {
+    float t; // distance in units of the direction's length; INFINITY = none
+    uint32_t object_idx, triangle_idx; // object_idx 0 for a mesh
+    float u, v;                        // barycentric: p = (1 - u - v) a + u b + v c
+} hw_hit;
+
+// Nearest hit along origin + t direction, t in [t_min, t_max].
+hw_hit hw_rays_cast(const hw_rays *rays, hw_vec3 origin, hw_vec3 direction, float t_min,
+                    float t_max);
+// The same against one object of a scene only (through its own mesh; not occluded by others).
+hw_hit hw_rays_cast_object(const hw_rays *rays, uint32_t object_idx, hw_vec3 origin,
+                           hw_vec3 direction, float t_min, float t_max);
+// Whether anything lies on the segment.
+bool hw_rays_occluded(const hw_rays *rays, hw_vec3 origin, hw_vec3 direction, float t_min,
+                      float t_max);
+
+typedef struct hw_closest {
+    float distance; // INFINITY if nothing lies within the radius
+    uint32_t triangle_idx;
+    float u, v; // barycentric as above
+    hw_vec3 point;
+} hw_closest;
+// Closest surface point of a mesh (hw_rays_create_mesh) within radius.
+hw_closest hw_rays_closest(const hw_rays *rays, hw_vec3 point, float radius);

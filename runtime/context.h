@@ -1,0 +1,55 @@
+// OpenGL 3.3 core contexts behind one table: a window (GLFW) or off-screen memory (OSMesa). One
+// context per process at a time; all GL calls on the thread that created it.
+#pragma once
+#include "status.h"
+#include <stdbool.h>
+#include <stdint.h>
+
+typedef enum hw_context_kind { HW_CONTEXT_OFFSCREEN, HW_CONTEXT_WINDOW } hw_context_kind;
+
+typedef struct hw_context_desc {
+    hw_context_kind kind;
+    uint32_t width, height;
+    const char *title;
+    uint32_t samples; // of a window's default framebuffer; 0 or 1 = none
+    bool fullscreen;
+} hw_context_desc;
+
+// Input of a window since the last poll; zeros off screen.
+typedef enum hw_key {
+    HW_KEY_FORWARD,
+    HW_KEY_BACK,
+    HW_KEY_LEFT,
+    HW_KEY_RIGHT,
+    HW_KEY_UP,
+    HW_KEY_DOWN,
+    HW_KEY_RUN,
+    HW_KEY_TURN_LEFT,
+    HW_KEY_TURN_RIGHT,
+    HW_KEY_CONFIG_A,
+    HW_KEY_CONFIG_B,
+    HW_KEY_CONFIG_L,
+    HW_KEY_CONFIG_C,
+    HW_KEY_HUD,
+    HW_KEY_SCREENSHOT,
+    HW_KEY_RECORD,
+    HW_KEY_HELP,
+    HW_KEY_QUIT,
+    HW_KEY_COUNT
+} hw_key;
+typedef struct hw_input {
+    bool down[HW_KEY_COUNT], pressed[HW_KEY_COUNT];
+    double mouse_dx, mouse_dy; // pixels, while captured
+    uint32_t width, height;    // framebuffer
+    bool close;
+} hw_input;
+
+typedef struct hw_context hw_context;
+// HW_GRAPHICS with the driver's words (no display, no GL 3.3).
+HW_MUST_USE hw_status hw_context_create(const hw_context_desc *desc, hw_context **out);
+void hw_context_destroy(hw_context *context);
+// Shows what was drawn (windows only) and polls input.
+void hw_context_present(hw_context *context, hw_input *input);
+void hw_context_set_title(hw_context *context, const char *title);
+// GL_RENDERER, for reports.
+const char *hw_context_renderer(const hw_context *context);

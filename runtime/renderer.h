@@ -1,0 +1,44 @@
+// One renderer per configuration behind one table. A draws everything, B culls to the frustum, L
+// picks discrete levels of detail by projected error, C is the hybrid. A renderer owns its GL
+// objects; the context must be current and outlive it.
+#pragma once
+#include "camera.h"
+#include "scene.h"
+#include "status.h"
+
+typedef enum hw_config { HW_CONFIG_A, HW_CONFIG_B, HW_CONFIG_L, HW_CONFIG_C } hw_config;
+
+typedef struct hw_frame_stats {
+    uint64_t triangles; // sent to GL
+    uint32_t draws;
+    uint32_t near_triangles, far_triangles; // C only
+    uint32_t stalls;                        // 1 if this frame waited for data
+    uint64_t loaded_bytes;                  // read from disk by this frame
+    double load_ms;
+    int32_t cell_q, cell_r, cell_level; // C only
+} hw_frame_stats;
+
+typedef struct hw_renderer_desc {
+    hw_config config;
+    const char *dataset;   // C: the dataset folder
+    const hw_scene *scene; // A, B, L: the original scene, borrowed
+    double lod_error_px;   // L: largest projected error; 0 = 1
+} hw_renderer_desc;
+
+typedef struct hw_renderer hw_renderer;
+HW_MUST_USE hw_status hw_renderer_create(const hw_renderer_desc *desc, hw_renderer **out);
+void hw_renderer_destroy(hw_renderer *renderer);
+// Loads what the view needs (C: the cell and its near meshes), so that a following draw does not
+// stall. Not timed by benchmarks that measure drawing; counted in the stats.
+HW_MUST_USE hw_status hw_renderer_prepare(hw_renderer *renderer, const hw_camera *camera,
+                                          hw_frame_stats *stats);
+// Clears and draws the frame into the bound framebuffer. Objects write alpha 1, sky and ground
+// alpha 0.
+HW_MUST_USE hw_status hw_renderer_draw(hw_renderer *renderer, const hw_camera *camera,
+                                       hw_frame_stats *stats);
+// Bytes of GL buffers and textures this renderer holds, now and at its peak.
+uint64_t hw_renderer_gpu_bytes(const hw_renderer *renderer);
+uint64_t hw_renderer_gpu_bytes_peak(const hw_renderer *renderer);
+// "A", "B", "L", "C", and back (false if unknown).
+const char *hw_config_name(hw_config config);
+bool hw_config_parse(const char *text, hw_config *out);

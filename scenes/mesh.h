@@ -1,0 +1,52 @@
+// Indexed triangle meshes and the repairs that imported ones need.
+#pragma once
+#include "alloc.h"
+#include "status.h"
+#include "vec.h"
+#include <stdbool.h>
+
+typedef struct hw_color8 {
+    uint8_t r, g, b, a;
+} hw_color8;
+
+typedef struct hw_uv {
+    float u, v; // v = 0 is the top row of the image, as in glTF
+} hw_uv;
+
+// Counter-clockwise front faces. positions is always there; the others may be NULL. The mesh owns
+// its arrays.
+typedef struct hw_mesh {
+    char *name;
+    uint32_t vertex_count, index_count; // index_count is a multiple of 3
+    hw_vec3 *positions;
+    hw_vec3 *normals;  // unit length
+    hw_color8 *colors; // multiplies the material's colour; holds baked ambient occlusion
+    hw_uv *uvs;
+    uint32_t *indices;
+} hw_mesh;
+
+// Frees the arrays and zeroes the struct; NULL is legal.
+void hw_mesh_free(hw_mesh *mesh);
+HW_MUST_USE hw_status hw_mesh_copy(const hw_mesh *mesh, hw_mesh *out);
+hw_box hw_mesh_bounds(const hw_mesh *mesh);
+// Hash of everything but the name: equal meshes are stored once.
+uint64_t hw_mesh_hash(const hw_mesh *mesh);
+// HW_FORMAT naming mesh and cause: no triangle, index out of range, NaN or infinite coordinate.
+HW_MUST_USE hw_status hw_mesh_validate(const hw_mesh *mesh);
+
+// Area-weighted smooth vertex normals; allocates normals if NULL. Vertices with equal positions
+// share one normal (so seams of uvs or colours do not show).
+HW_MUST_USE hw_status hw_mesh_compute_normals(hw_mesh *mesh);
+// For each vertex the smallest index of a vertex with exactly the same position; `remap` holds
+// vertex_count values.
+HW_MUST_USE hw_status hw_mesh_weld_map(const hw_mesh *mesh, uint32_t *remap);
+// Merges vertices that agree in every attribute (position alone when no other attribute is there),
+// drops degenerate and duplicate triangles and unreferenced vertices.
+HW_MUST_USE hw_status hw_mesh_clean(hw_mesh *mesh);
+// Makes the winding of each edge-connected component consistent and outward (positive volume).
+// Non-manifold edges stop the flood.
+HW_MUST_USE hw_status hw_mesh_orient(hw_mesh *mesh);
+// Signed volume (of a closed mesh).
+double hw_mesh_volume(const hw_mesh *mesh);
+// Transforms positions and normals in place (a mirror flips the winding).
+void hw_mesh_transform(hw_mesh *mesh, const hw_mat4 *matrix);
