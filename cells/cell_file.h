@@ -18,7 +18,8 @@
 
 #define HW_CELL_MAGIC        HW_FOURCC('H', 'X', 'W', 'C')
 #define HW_CELL_VERSION      1u
-#define HW_CELL_RECORDS_MAX  65535u
+#define HW_CELL_RECORDS_MAX  65535u     // far records
+#define HW_CELL_NEAR_MAX     (1u << 24) // near records
 #define HW_CELL_VERTICES_MAX (1u << 26)
 #define HW_CELL_INDICES_MAX  (1u << 28)
 #define HW_CELL_ATLAS_MAX    8192u

@@ -36,6 +36,7 @@ HW_MUST_USE hw_status hw_container_open_memory(hw_container **out, const char *n
 void hw_container_close(hw_container *container);
 uint64_t hw_container_key(const hw_container *container);
 uint64_t hw_container_bytes(const hw_container *container);
+uint32_t hw_container_chunk_count(const hw_container *container);
 // Size of a chunk once decompressed / as stored; HW_NOT_FOUND if there is none.
 HW_MUST_USE hw_status hw_container_chunk_size(const hw_container *container, uint32_t tag,
                                               uint32_t number, size_t *raw, size_t *stored);

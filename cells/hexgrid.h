@@ -6,7 +6,7 @@
 #include <stdint.h>
 
 typedef struct hw_cell_id {
-    int32_t level, q, r; // level 0 is the finest
+    int32_t level, q, r; // level 0 is the finest; cells of level l have side c * 2^l
 } hw_cell_id;
 
 typedef struct hw_hexgrid {
@@ -16,15 +16,20 @@ typedef struct hw_hexgrid {
     int32_t columns, rows;     // level 0
 } hw_hexgrid;
 
-#define HW_CELL_CORNERS 12 // prism corners: six below (z_min), six above (z_max)
+#define HW_CELL_CORNERS   12    // prism corners: six below (z_min), six above (z_max)
+#define HW_GRID_SIDE_MAX  65535 // columns and rows of a grid
+#define HW_CELL_LEVEL_MAX 30
 
-// The smallest grid whose cells cover the rectangle. cell_size > 0, z_min <= z_max.
+// The smallest grid whose cells cover the rectangle, centred on it. cell_size > 0, z_min <= z_max.
+// Columns and rows stop at HW_GRID_SIDE_MAX: a caller that takes cell_size from a user checks that
+// neither has that value.
 hw_hexgrid hw_hexgrid_cover(double x_min, double y_min, double x_max, double y_max,
                             double cell_size, double z_min, double z_max);
 uint32_t hw_hexgrid_cell_count(const hw_hexgrid *grid);
-// Cells in a fixed order (column by column), and back. Index in [0, cell_count).
+// Cells of level 0 in a fixed order (column by column), and back. Index in [0, cell_count).
 hw_cell_id hw_hexgrid_cell(const hw_hexgrid *grid, uint32_t index);
 uint32_t hw_hexgrid_index(const hw_hexgrid *grid, hw_cell_id id);
+// Whether it is a cell of level 0 within columns and rows.
 bool hw_hexgrid_contains(const hw_hexgrid *grid, hw_cell_id id);
 // Centre of the cell at half its height.
 hw_vec3 hw_cell_centre(const hw_hexgrid *grid, hw_cell_id id);

@@ -5,9 +5,11 @@
 #include "mesh.h"
 #include "status.h"
 
-#define HW_MESH_MAGIC      HW_FOURCC('H', 'X', 'W', 'M')
-#define HW_MESH_VERSION    1u
-#define HW_MESH_LEVELS_MAX 64u
+#define HW_MESH_MAGIC        HW_FOURCC('H', 'X', 'W', 'M')
+#define HW_MESH_VERSION      1u
+#define HW_MESH_LEVELS_MAX   64u
+#define HW_MESH_VERTICES_MAX (1u << 28) // of a level
+#define HW_MESH_INDICES_MAX  (3u << 28)
 
 typedef struct hw_mesh_level_info {
     uint32_t vertex_count, index_count;

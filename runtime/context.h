@@ -33,22 +33,24 @@ typedef enum hw_key {
     HW_KEY_HUD,
     HW_KEY_SCREENSHOT,
     HW_KEY_RECORD,
+    HW_KEY_TOUR,
     HW_KEY_HELP,
     HW_KEY_QUIT,
     HW_KEY_COUNT
 } hw_key;
 typedef struct hw_input {
     bool down[HW_KEY_COUNT], pressed[HW_KEY_COUNT];
-    double mouse_dx, mouse_dy; // pixels, while captured
-    uint32_t width, height;    // framebuffer
-    bool close;
+    double mouse_dx, mouse_dy; // pixels, while captured; x to the right, y down
+    uint32_t width, height;    // framebuffer; 0 x 0 while minimised: draw nothing then
+    bool close;                // the window's own close button
 } hw_input;
 
 typedef struct hw_context hw_context;
 // HW_GRAPHICS with the driver's words (no display, no GL 3.3).
 HW_MUST_USE hw_status hw_context_create(const hw_context_desc *desc, hw_context **out);
 void hw_context_destroy(hw_context *context);
-// Shows what was drawn (windows only) and polls input.
+// Shows what was drawn (windows only) and polls input. A window's framebuffer is bound afterwards,
+// with the viewport on the whole of it. Waits for the display's next refresh.
 void hw_context_present(hw_context *context, hw_input *input);
 void hw_context_set_title(hw_context *context, const char *title);
 // GL_RENDERER, for reports.

@@ -1,0 +1,37 @@
+#include "system.h"
+#include <stdio.h>
+#include <string.h>
+#include <time.h>
+
+double hw_clock_ms(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
+}
+
+// A "Name:   123 kB" line of /proc/self/status in bytes.
+static uint64_t status_line_bytes(const char *name)
+{
+    FILE *file = fopen("/proc/self/status", "re");
+    if (!file)
+        return 0;
+    char line[256];
+    size_t length = strlen(name);
+    unsigned long long kib = 0;
+    while (fgets(line, sizeof line, file))
+        if (!strncmp(line, name, length) && sscanf(line + length, " %llu", &kib) == 1)
+            break;
+    fclose(file);
+    return (uint64_t)kib * 1024;
+}
+
+uint64_t hw_rss_bytes(void)
+{
+    return status_line_bytes("VmRSS:");
+}
+
+uint64_t hw_rss_peak_bytes(void)
+{
+    return status_line_bytes("VmHWM:");
+}

@@ -1,0 +1,474 @@
+#include "cell_file.h"
+#include "alloc.h"
+#include "block.h"
+#include "cell_chunks.h"
+#include "geometry_codec.h"
+#include "mesh_file.h"
+#include <inttypes.h>
+#include <stdio.h>
+#include <string.h>
+
+// Bytes of one record in the chunks NEAR and FARS.
+#define NEAR_BYTES 8u
+#define FAR_BYTES  80u
+// Bytes of one 4 x 4 block of BC1.
+#define BLOCK_BYTES 8u
+
+static const uint32_t chunk_tags[HW_CELL_CHUNK_COUNT] = {
+#define X(name, tag) tag,
+    HW_CELL_CHUNK_LIST(X)
+#undef X
+};
+
+void hw_cell_free(hw_cell *cell)
+{
+    if (!cell)
+        return;
+    hw_free(cell->near);
+    hw_free(cell->far);
+    hw_free(cell->vertices);
+    hw_free(cell->indices);
+    hw_free(cell->atlas_bc1);
+    *cell = (hw_cell){0};
+}
+
+void hw_cell_chunks_free(hw_cell_chunks *chunks)
+{
+    for (int i = 0; i < HW_CELL_CHUNK_COUNT; i++)
+        hw_free(chunks->data[i]);
+    *chunks = (hw_cell_chunks){0};
+}
+
+// ---- validation ----
+
+static hw_status validate_counts(const hw_cell *c, const char *name)
+{
+    if (c->id.level < 0 || c->id.level > HW_CELL_LEVEL_MAX)
+        return hw_fail(HW_FORMAT, "%s: level %d", name, c->id.level);
+    if (!hw_v3_finite(c->centre))
+        return hw_fail(HW_FORMAT, "%s: the centre is not finite", name);
+    if (c->near_count > HW_CELL_NEAR_MAX || c->far_count > HW_CELL_RECORDS_MAX ||
+        c->vertex_count > HW_CELL_VERTICES_MAX || c->index_count > HW_CELL_INDICES_MAX)
+        return hw_fail(HW_FORMAT, "%s: too many records, vertices or indices", name);
+    if ((c->near_count && !c->near) || (c->far_count && !c->far) ||
+        (c->vertex_count && !c->vertices) || (c->index_count && !c->indices))
+        return hw_fail(HW_FORMAT, "%s: an array is missing", name);
+    if (c->atlas_width > HW_CELL_ATLAS_MAX || c->atlas_height > HW_CELL_ATLAS_MAX ||
+        c->atlas_width % 4 || c->atlas_height % 4)
+        return hw_fail(HW_FORMAT, "%s: an atlas of %u x %u", name, c->atlas_width, c->atlas_height);
+    bool has_far = c->far_count > 0;
+    bool has_atlas = c->atlas_width > 0 && c->atlas_height > 0;
+    if (has_far != has_atlas || (!has_far && (c->atlas_width || c->atlas_height)) ||
+        (has_atlas && !c->atlas_bc1))
+        return hw_fail(HW_FORMAT, "%s: %u far objects with an atlas of %u x %u", name, c->far_count,
+                       c->atlas_width, c->atlas_height);
+    return HW_OK;
+}
+
+// False for NaN as well.
+static bool is_range(float min, float max)
+{
+    return isfinite(min) && isfinite(max) && min < max;
+}
+
+static hw_status validate_far_place(const hw_cell *c, uint32_t index, const char *name)
+{
+    const hw_far_record *f = &c->far[index];
+    if (f->face > 5)
+        return hw_fail(HW_FORMAT, "%s: far object %u: face %u", name, index, f->face);
+    if (!is_range(f->x_min, f->x_max) || !is_range(f->y_min, f->y_max) ||
+        !is_range(f->iz_min, f->iz_max) || f->iz_min <= 0)
+        return hw_fail(HW_FORMAT, "%s: far object %u: an image-space range is empty or not finite",
+                       name, index);
+    if (!hw_v3_finite(f->bounds.min) || !hw_v3_finite(f->bounds.max) ||
+        f->bounds.min.x > f->bounds.max.x || f->bounds.min.y > f->bounds.max.y ||
+        f->bounds.min.z > f->bounds.max.z)
+        return hw_fail(HW_FORMAT, "%s: far object %u: bounds are empty or not finite", name, index);
+    if (f->rect.width == 0 || f->rect.height == 0 ||
+        (uint64_t)f->rect.x + f->rect.width > c->atlas_width ||
+        (uint64_t)f->rect.y + f->rect.height > c->atlas_height)
+        return hw_fail(HW_FORMAT, "%s: far object %u: its texture lies outside of the atlas", name,
+                       index);
+    return HW_OK;
+}
+
+// Vertices and indices of one record; its ranges begin where the one before ended.
+static hw_status validate_far_mesh(const hw_cell *c, uint32_t index, uint32_t first_vertex,
+                                   uint32_t first_index, const char *name)
+{
+    const hw_far_record *f = &c->far[index];
+    if (f->first_vertex != first_vertex || f->vertex_count > c->vertex_count - first_vertex ||
+        f->first_index != first_index || f->index_count > c->index_count - first_index ||
+        f->index_count % 3)
+        return hw_fail(HW_FORMAT, "%s: far object %u: vertices or indices out of place", name,
+                       index);
+    for (uint32_t i = 0; i < f->vertex_count; i++)
+        if (c->vertices[first_vertex + i].record != index)
+            return hw_fail(HW_FORMAT, "%s: vertex %u belongs to far object %u, not %u", name,
+                           first_vertex + i, c->vertices[first_vertex + i].record, index);
+    for (uint32_t i = 0; i < f->index_count; i++) {
+        uint32_t vertex = c->indices[first_index + i];
+        if (vertex < first_vertex || vertex - first_vertex >= f->vertex_count)
+            return hw_fail(HW_FORMAT, "%s: index %u leaves far object %u", name, first_index + i,
+                           index);
+    }
+    return HW_OK;
+}
+
+hw_status hw_cell_validate(const hw_cell *cell, const char *name)
+{
+    HW_TRY(validate_counts(cell, name));
+    for (uint32_t i = 0; i < cell->near_count; i++)
+        if (cell->near[i].level >= HW_MESH_LEVELS_MAX)
+            return hw_fail(HW_FORMAT, "%s: near object %u: level %u", name, i, cell->near[i].level);
+    uint32_t first_vertex = 0, first_index = 0;
+    for (uint32_t i = 0; i < cell->far_count; i++) {
+        HW_TRY(validate_far_place(cell, i, name));
+        HW_TRY(validate_far_mesh(cell, i, first_vertex, first_index, name));
+        first_vertex += cell->far[i].vertex_count;
+        first_index += cell->far[i].index_count;
+    }
+    if (first_vertex != cell->vertex_count || first_index != cell->index_count)
+        return hw_fail(HW_FORMAT, "%s: %u vertices and %u indices belong to no far object", name,
+                       cell->vertex_count - first_vertex, cell->index_count - first_index);
+    return HW_OK;
+}
+
+// ---- writing ----
+
+static void put_vec3(hw_bytes_writer *w, hw_vec3 v)
+{
+    hw_put_f32(w, v.x);
+    hw_put_f32(w, v.y);
+    hw_put_f32(w, v.z);
+}
+
+static void put_info(hw_bytes_writer *w, const hw_cell *c)
+{
+    hw_put_u32(w, HW_CELL_VERSION);
+    hw_put_i32(w, c->id.level);
+    hw_put_i32(w, c->id.q);
+    hw_put_i32(w, c->id.r);
+    put_vec3(w, c->centre);
+    hw_put_u32(w, c->near_count);
+    hw_put_u32(w, c->far_count);
+    hw_put_u32(w, c->vertex_count);
+    hw_put_u32(w, c->index_count);
+    hw_put_u32(w, c->atlas_width);
+    hw_put_u32(w, c->atlas_height);
+}
+
+static void put_near(hw_bytes_writer *w, const hw_cell *c)
+{
+    for (uint32_t i = 0; i < c->near_count; i++) {
+        hw_put_u32(w, c->near[i].object_idx);
+        hw_put_u32(w, c->near[i].level);
+    }
+}
+
+// The first vertex and index of a record are the sums of the counts before it: not stored.
+static void put_far(hw_bytes_writer *w, const hw_far_record *f)
+{
+    hw_put_u32(w, f->object_idx);
+    hw_put_u32(w, f->face);
+    hw_put_f32(w, f->x_min);
+    hw_put_f32(w, f->x_max);
+    hw_put_f32(w, f->y_min);
+    hw_put_f32(w, f->y_max);
+    hw_put_f32(w, f->iz_min);
+    hw_put_f32(w, f->iz_max);
+    put_vec3(w, f->bounds.min);
+    put_vec3(w, f->bounds.max);
+    hw_put_u32(w, f->rect.x);
+    hw_put_u32(w, f->rect.y);
+    hw_put_u32(w, f->rect.width);
+    hw_put_u32(w, f->rect.height);
+    hw_put_u32(w, f->vertex_count);
+    hw_put_u32(w, f->index_count);
+}
+
+// A block is two 16-bit colours and 32 bits of selectors: the atlas is stored as all colours, then
+// all selectors. They compress better apart.
+static hw_status split_atlas(const uint8_t *blocks, size_t size, uint8_t **out)
+{
+    size_t count = size / BLOCK_BYTES;
+    HW_TRY(HW_NEW(out, size));
+    for (size_t i = 0; i < count; i++) {
+        memcpy(*out + 4 * i, blocks + BLOCK_BYTES * i, 4);
+        memcpy(*out + 4 * (count + i), blocks + BLOCK_BYTES * i + 4, 4);
+    }
+    return HW_OK;
+}
+
+static hw_status join_atlas(const uint8_t *split, size_t size, uint8_t **out)
+{
+    size_t count = size / BLOCK_BYTES;
+    HW_TRY(HW_NEW(out, size));
+    for (size_t i = 0; i < count; i++) {
+        memcpy(*out + BLOCK_BYTES * i, split + 4 * i, 4);
+        memcpy(*out + BLOCK_BYTES * i + 4, split + 4 * (count + i), 4);
+    }
+    return HW_OK;
+}
+
+static size_t atlas_bytes(const hw_cell *c)
+{
+    return c->atlas_width ? hw_bc1_bytes(c->atlas_width, c->atlas_height) : 0;
+}
+
+static hw_status take(hw_bytes_writer *w, hw_cell_chunks *out, int chunk)
+{
+    HW_TRY(hw_bytes_writer_check(w));
+    out->data[chunk] = w->data;
+    out->size[chunk] = w->size;
+    *w = (hw_bytes_writer){0};
+    return HW_OK;
+}
+
+hw_status hw_cell_to_chunks(const hw_cell *cell, hw_cell_chunks *out)
+{
+    hw_status status = HW_OK;
+    hw_bytes_writer w = {0};
+    uint8_t **data = out->data;
+    put_info(&w, cell);
+    HW_GO(take(&w, out, HW_CELL_CHUNK_INFO));
+    put_near(&w, cell);
+    HW_GO(take(&w, out, HW_CELL_CHUNK_NEAR));
+    for (uint32_t i = 0; i < cell->far_count; i++)
+        put_far(&w, &cell->far[i]);
+    HW_GO(take(&w, out, HW_CELL_CHUNK_FARS));
+    HW_GO(hw_vertices_encode(cell->vertices, cell->vertex_count, sizeof *cell->vertices,
+                             &data[HW_CELL_CHUNK_VERT], &out->size[HW_CELL_CHUNK_VERT]));
+    HW_GO(hw_indices_encode(cell->indices, cell->index_count, cell->vertex_count,
+                            &data[HW_CELL_CHUNK_INDX], &out->size[HW_CELL_CHUNK_INDX]));
+    HW_GO(split_atlas(cell->atlas_bc1, atlas_bytes(cell), &data[HW_CELL_CHUNK_ATLS]));
+    out->size[HW_CELL_CHUNK_ATLS] = atlas_bytes(cell);
+out:
+    hw_bytes_writer_free(&w);
+    if (status != HW_OK)
+        hw_cell_chunks_free(out);
+    return status;
+}
+
+hw_status hw_cell_write(const hw_cell *cell, const char *path)
+{
+    hw_cell_chunks chunks = {0};
+    HW_TRY(hw_cell_validate(cell, path));
+    hw_status status = hw_cell_to_chunks(cell, &chunks);
+    if (status != HW_OK)
+        return hw_fail_prefix(status, path);
+    hw_chunk list[HW_CELL_CHUNK_COUNT];
+    for (int i = 0; i < HW_CELL_CHUNK_COUNT; i++)
+        list[i] = (hw_chunk){chunk_tags[i], 0, chunks.data[i], chunks.size[i]};
+    status = hw_container_write(path, HW_CELL_MAGIC, cell->key, list, HW_CELL_CHUNK_COUNT);
+    hw_cell_chunks_free(&chunks);
+    return status;
+}
+
+// ---- reading ----
+
+static hw_vec3 get_vec3(hw_bytes_reader *r)
+{
+    float x = hw_get_f32(r), y = hw_get_f32(r), z = hw_get_f32(r);
+    return hw_v3(x, y, z);
+}
+
+static hw_status get_info(const char *name, const hw_cell_chunks *chunks, hw_cell *c)
+{
+    hw_bytes_reader r =
+        hw_bytes_reader_make(chunks->data[HW_CELL_CHUNK_INFO], chunks->size[HW_CELL_CHUNK_INFO]);
+    uint32_t version = hw_get_u32(&r);
+    if (!r.failed && version != HW_CELL_VERSION)
+        return hw_fail(HW_VERSION, "%s: cell version %u, this program reads %u", name, version,
+                       HW_CELL_VERSION);
+    c->id.level = hw_get_i32(&r);
+    c->id.q = hw_get_i32(&r);
+    c->id.r = hw_get_i32(&r);
+    c->centre = get_vec3(&r);
+    c->near_count = hw_get_u32(&r);
+    c->far_count = hw_get_u32(&r);
+    c->vertex_count = hw_get_u32(&r);
+    c->index_count = hw_get_u32(&r);
+    c->atlas_width = hw_get_u32(&r);
+    c->atlas_height = hw_get_u32(&r);
+    if (r.failed || hw_bytes_left(&r) > 0)
+        return hw_fail(HW_FORMAT, "%s: chunk INFO has a wrong size", name);
+    return HW_OK;
+}
+
+// Counts against the sizes of the chunks, before anything is allocated from them.
+static hw_status check_sizes(const char *name, const hw_cell_chunks *chunks, const hw_cell *c)
+{
+    if (c->near_count > HW_CELL_NEAR_MAX || c->far_count > HW_CELL_RECORDS_MAX ||
+        c->vertex_count > HW_CELL_VERTICES_MAX || c->index_count > HW_CELL_INDICES_MAX ||
+        c->atlas_width > HW_CELL_ATLAS_MAX || c->atlas_height > HW_CELL_ATLAS_MAX)
+        return hw_fail(HW_FORMAT, "%s: a count is too large", name);
+    size_t blocks = (size_t)(c->atlas_width / 4) * (c->atlas_height / 4);
+    if (chunks->size[HW_CELL_CHUNK_NEAR] != (size_t)c->near_count * NEAR_BYTES ||
+        chunks->size[HW_CELL_CHUNK_FARS] != (size_t)c->far_count * FAR_BYTES ||
+        chunks->size[HW_CELL_CHUNK_ATLS] != blocks * BLOCK_BYTES)
+        return hw_fail(HW_FORMAT, "%s: counts and sizes of chunks disagree", name);
+    return HW_OK;
+}
+
+static void get_far(hw_bytes_reader *r, hw_far_record *f)
+{
+    f->object_idx = hw_get_u32(r);
+    f->face = hw_get_u32(r);
+    f->x_min = hw_get_f32(r);
+    f->x_max = hw_get_f32(r);
+    f->y_min = hw_get_f32(r);
+    f->y_max = hw_get_f32(r);
+    f->iz_min = hw_get_f32(r);
+    f->iz_max = hw_get_f32(r);
+    f->bounds.min = get_vec3(r);
+    f->bounds.max = get_vec3(r);
+    f->rect.x = hw_get_u32(r);
+    f->rect.y = hw_get_u32(r);
+    f->rect.width = hw_get_u32(r);
+    f->rect.height = hw_get_u32(r);
+    f->vertex_count = hw_get_u32(r);
+    f->index_count = hw_get_u32(r);
+}
+
+static hw_status get_records(const hw_cell_chunks *chunks, hw_cell *c)
+{
+    HW_TRY(HW_NEW(&c->near, c->near_count));
+    HW_TRY(HW_NEW(&c->far, c->far_count));
+    hw_bytes_reader r =
+        hw_bytes_reader_make(chunks->data[HW_CELL_CHUNK_NEAR], chunks->size[HW_CELL_CHUNK_NEAR]);
+    for (uint32_t i = 0; i < c->near_count; i++) {
+        c->near[i].object_idx = hw_get_u32(&r);
+        c->near[i].level = hw_get_u32(&r);
+    }
+    r = hw_bytes_reader_make(chunks->data[HW_CELL_CHUNK_FARS], chunks->size[HW_CELL_CHUNK_FARS]);
+    uint32_t first_vertex = 0, first_index = 0; // may wrap: validation then stops at the record
+    for (uint32_t i = 0; i < c->far_count; i++) {
+        get_far(&r, &c->far[i]);
+        c->far[i].first_vertex = first_vertex;
+        c->far[i].first_index = first_index;
+        first_vertex += c->far[i].vertex_count;
+        first_index += c->far[i].index_count;
+    }
+    return HW_OK;
+}
+
+static hw_status get_geometry(const char *name, const hw_cell_chunks *chunks, hw_cell *c)
+{
+    void *vertices = NULL;
+    hw_status status =
+        hw_vertices_decode(chunks->data[HW_CELL_CHUNK_VERT], chunks->size[HW_CELL_CHUNK_VERT],
+                           c->vertex_count, sizeof *c->vertices, &vertices);
+    c->vertices = vertices;
+    if (status == HW_OK)
+        status =
+            hw_indices_decode(chunks->data[HW_CELL_CHUNK_INDX], chunks->size[HW_CELL_CHUNK_INDX],
+                              c->index_count, c->vertex_count, &c->indices);
+    return status == HW_OK ? HW_OK : hw_fail_prefix(status, name);
+}
+
+hw_status hw_cell_from_chunks(const char *name, uint64_t key, const hw_cell_chunks *chunks,
+                              hw_cell *out)
+{
+    hw_status status = HW_OK;
+    *out = (hw_cell){.key = key};
+    HW_GO(get_info(name, chunks, out));
+    HW_GO(check_sizes(name, chunks, out));
+    HW_GO(get_records(chunks, out));
+    HW_GO(get_geometry(name, chunks, out));
+    if (out->atlas_width)
+        HW_GO(join_atlas(chunks->data[HW_CELL_CHUNK_ATLS], chunks->size[HW_CELL_CHUNK_ATLS],
+                         &out->atlas_bc1));
+    HW_GO(hw_cell_validate(out, name));
+out:
+    if (status != HW_OK)
+        hw_cell_free(out);
+    return status;
+}
+
+static hw_status read_container(const char *name, const hw_container *container, hw_cell *out)
+{
+    hw_status status = HW_OK;
+    hw_cell_chunks chunks = {0};
+    for (int i = 0; i < HW_CELL_CHUNK_COUNT; i++) {
+        status = hw_container_chunk(container, chunk_tags[i], 0, &chunks.data[i], &chunks.size[i]);
+        // A missing chunk is a damaged file, not a missing one.
+        if (status == HW_NOT_FOUND)
+            status = HW_FORMAT;
+        HW_GO(status);
+    }
+    if (hw_container_chunk_count(container) != HW_CELL_CHUNK_COUNT) {
+        status = hw_fail(HW_FORMAT, "%s: unknown chunks", name);
+        goto out;
+    }
+    status = hw_cell_from_chunks(name, hw_container_key(container), &chunks, out);
+out:
+    hw_cell_chunks_free(&chunks);
+    return status;
+}
+
+hw_status hw_cell_read(const char *path, hw_cell *out)
+{
+    hw_container *container = NULL;
+    *out = (hw_cell){0};
+    HW_TRY(hw_container_open(&container, path, HW_CELL_MAGIC));
+    hw_status status = read_container(path, container, out);
+    hw_container_close(container);
+    return status;
+}
+
+hw_status hw_cell_decode(const char *name, const void *bytes, size_t size, hw_cell *out)
+{
+    hw_container *container = NULL;
+    *out = (hw_cell){0};
+    HW_TRY(hw_container_open_memory(&container, name, bytes, size, HW_CELL_MAGIC));
+    hw_status status = read_container(name, container, out);
+    hw_container_close(container);
+    return status;
+}
+
+bool hw_cell_is_current(const char *path, uint64_t key)
+{
+    hw_container *container = NULL;
+    hw_cell cell = {0};
+    if (hw_container_open(&container, path, HW_CELL_MAGIC) != HW_OK)
+        return false;
+    bool current =
+        hw_container_key(container) == key && read_container(path, container, &cell) == HW_OK;
+    hw_cell_free(&cell);
+    hw_container_close(container);
+    return current;
+}
+
+hw_status hw_cell_path(char **out, const char *dataset, hw_cell_id id)
+{
+    char name[64];
+    snprintf(name, sizeof name, "cells/%" PRId32 "/%" PRId32 "_%" PRId32 ".hxc", id.level, id.q,
+             id.r);
+    return hw_path_join(out, dataset, name);
+}
+
+hw_mat4 hw_far_record_matrix(const hw_far_record *record, hw_vec3 centre)
+{
+    // World = C + (a + wx r + wy u) / iz. Times iz, with wx, wy, iz affine in x, y, z: the columns
+    // below.
+    hw_vec3 axis, right, up;
+    hw_face_basis((int)record->face, &axis, &right, &up);
+    const double c[3] = {centre.x, centre.y, centre.z};
+    const double a[3] = {axis.x, axis.y, axis.z};
+    const double r[3] = {right.x, right.y, right.z};
+    const double u[3] = {up.x, up.y, up.z};
+    double dx = ((double)record->x_max - record->x_min) / 65535;
+    double dy = ((double)record->y_max - record->y_min) / 65535;
+    double dz = ((double)record->iz_max - record->iz_min) / 65535;
+    hw_mat4 m = {{0}};
+    for (int i = 0; i < 3; i++) {
+        m.m[i] = dx * r[i];
+        m.m[4 + i] = dy * u[i];
+        m.m[8 + i] = dz * c[i];
+        m.m[12 + i] = record->iz_min * c[i] + a[i] + record->x_min * r[i] + record->y_min * u[i];
+    }
+    m.m[11] = dz;
+    m.m[15] = record->iz_min;
+    return m;
+}

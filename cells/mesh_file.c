@@ -1,0 +1,128 @@
+#include "mesh_file.h"
+#include "mesh_level.h"
+#include <assert.h>
+#include <stdio.h>
+
+#define TAG_TABLE HW_FOURCC('L', 'E', 'V', 'S')
+#define TAG_LEVEL HW_FOURCC('L', 'E', 'V', 'L')
+
+struct hw_mesh_file {
+    char *path;
+    hw_container *container;
+    uint32_t level_count;
+    hw_mesh_level_info levels[HW_MESH_LEVELS_MAX];
+};
+
+static hw_status validate_levels(const char *path, const hw_mesh *levels,
+                                 const hw_mesh_level_info *infos, uint32_t count)
+{
+    HW_TRY(hw_mesh_table_validate(path, infos, count));
+    for (uint32_t i = 0; i < count; i++) {
+        hw_status status = hw_mesh_validate(&levels[i]);
+        if (status != HW_OK)
+            return hw_fail_prefix(status, path);
+        if (levels[i].vertex_count != infos[i].vertex_count ||
+            levels[i].index_count != infos[i].index_count)
+            return hw_fail(HW_FORMAT, "%s: level %u is not as large as its entry says", path, i);
+    }
+    return HW_OK;
+}
+
+hw_status hw_mesh_file_write(const char *path, uint64_t key, const hw_mesh *levels,
+                             const hw_mesh_level_info *infos, uint32_t count)
+{
+    hw_status status = HW_OK;
+    uint8_t *bytes[HW_MESH_LEVELS_MAX + 1] = {NULL};
+    hw_chunk chunks[HW_MESH_LEVELS_MAX + 1];
+    HW_TRY(validate_levels(path, levels, infos, count));
+    chunks[0] = (hw_chunk){TAG_TABLE, 0, NULL, 0};
+    HW_GO(hw_mesh_table_encode(infos, count, &bytes[0], &chunks[0].size));
+    for (uint32_t i = 1; i <= count; i++) {
+        chunks[i] = (hw_chunk){TAG_LEVEL, i - 1, NULL, 0};
+        HW_GO(hw_mesh_level_encode(&levels[i - 1], &bytes[i], &chunks[i].size));
+    }
+    for (uint32_t i = 0; i <= count; i++)
+        chunks[i].data = bytes[i];
+    status = hw_container_write(path, HW_MESH_MAGIC, key, chunks, count + 1);
+out:
+    for (uint32_t i = 0; i <= HW_MESH_LEVELS_MAX; i++)
+        hw_free(bytes[i]);
+    return status;
+}
+
+// The table, and that there is a chunk for each of its levels and no other.
+static hw_status read_table(hw_mesh_file *f)
+{
+    uint8_t *bytes = NULL;
+    size_t size = 0, raw, stored;
+    hw_status status = hw_container_chunk(f->container, TAG_TABLE, 0, &bytes, &size);
+    if (status == HW_OK)
+        status = hw_mesh_table_decode(f->path, bytes, size, f->levels, &f->level_count);
+    hw_free(bytes);
+    for (uint32_t i = 0; status == HW_OK && i < f->level_count; i++)
+        status = hw_container_chunk_size(f->container, TAG_LEVEL, i, &raw, &stored);
+    if (status == HW_OK && hw_container_chunk_count(f->container) != f->level_count + 1)
+        status = hw_fail(HW_FORMAT, "%s: unknown chunks", f->path);
+    // A missing chunk is a damaged file, not a missing one.
+    return status == HW_NOT_FOUND ? HW_FORMAT : status;
+}
+
+hw_status hw_mesh_file_open(hw_mesh_file **out, const char *path)
+{
+    hw_status status = HW_OK;
+    hw_mesh_file *f = NULL;
+    *out = NULL;
+    HW_TRY(HW_NEW(&f, 1));
+    HW_GO(hw_strdup(&f->path, path));
+    HW_GO(hw_container_open(&f->container, path, HW_MESH_MAGIC));
+    HW_GO(read_table(f));
+    *out = f;
+    return HW_OK;
+out:
+    hw_mesh_file_close(f);
+    return status;
+}
+
+void hw_mesh_file_close(hw_mesh_file *file)
+{
+    if (!file)
+        return;
+    hw_container_close(file->container);
+    hw_free(file->path);
+    hw_free(file);
+}
+
+uint64_t hw_mesh_file_key(const hw_mesh_file *file)
+{
+    return hw_container_key(file->container);
+}
+
+uint32_t hw_mesh_file_level_count(const hw_mesh_file *file)
+{
+    return file->level_count;
+}
+
+const hw_mesh_level_info *hw_mesh_file_level(const hw_mesh_file *file, uint32_t level)
+{
+    assert(level < file->level_count);
+    return &file->levels[level];
+}
+
+hw_status hw_mesh_file_read(const hw_mesh_file *file, uint32_t level, hw_mesh *out)
+{
+    assert(level < file->level_count);
+    uint8_t *bytes = NULL;
+    size_t size = 0;
+    *out = (hw_mesh){0};
+    HW_TRY(hw_container_chunk(file->container, TAG_LEVEL, level, &bytes, &size));
+    hw_status status = hw_mesh_level_decode(file->path, &file->levels[level], bytes, size, out);
+    hw_free(bytes);
+    return status;
+}
+
+hw_status hw_mesh_path(char **out, const char *dataset, uint32_t mesh_idx)
+{
+    char name[32];
+    snprintf(name, sizeof name, "meshes/%u.hxm", mesh_idx);
+    return hw_path_join(out, dataset, name);
+}

@@ -1,0 +1,33 @@
+// The build: scene in, dataset out. Stages: import, chains, meshes, cells, manifest.
+#pragma once
+#include "svmesh.h"
+#include <stdatomic.h>
+
+// Raise when the content of cells or meshes changes for the same input: it is part of every key.
+#define HW_BUILD_VERSION 1u
+
+typedef struct hw_build_options {
+    const char *scene_path, *dataset;
+    double cell_size;
+    double z_min, z_max; // heights above the ground at which eyes may be
+    double near_error_px;
+    hw_far_options far;
+    hw_chain_options chain;
+    uint32_t threads;                  // 0 = default
+    uint32_t shard_index, shard_count; // this run makes every shard_count-th cell; count 0 or 1 = all
+    const atomic_bool *stop;           // becomes true to stop soon with HW_INTERRUPTED; may be NULL
+} hw_build_options;
+
+// T_s 40, T_l 4.5, cell size 50, ...: what the measurements in the README were made with.
+hw_build_options hw_build_defaults(void);
+
+typedef struct hw_build_report {
+    double import_seconds, chain_seconds, mesh_seconds, cell_seconds, total_seconds;
+    uint32_t cells_total, cells_made, cells_kept, cells_missing; // missing: left to other shards
+    uint64_t bytes, mesh_bytes, texture_bytes, near_bytes;
+    double far_records_mean, far_triangles_mean, near_records_mean; // per cell
+} hw_build_report;
+
+// Whatever an earlier, killed build with the same input and options left complete is kept; the bytes are the same with any number of threads and
+// any split into shards. The manifest is written once every cell is there. Errors name the file at fault; what was there before stays.
+HW_MUST_USE hw_status hw_build_run(const hw_build_options *options, hw_build_report *report);

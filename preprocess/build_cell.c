@@ -1,0 +1,174 @@
+#include "build_cell.h"
+#include "alloc.h"
+#include "atlas.h"
+#include "block.h"
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+typedef struct sorted_svmesh {
+    double azimuth;
+    hw_svmesh svmesh;
+} sorted_svmesh;
+
+typedef struct assembly {
+    hw_near_record *near;
+    sorted_svmesh *far;
+    uint32_t near_count, far_count;
+} assembly;
+
+uint32_t hw_near_level(const hw_chain *chain, double scale, double distance, double focal_px, double error_px)
+{
+    if (chain->levels[0].uvs || !(distance > 0))
+        return 0;
+    return hw_chain_level_by_error(chain, error_px * distance / (focal_px * scale)) / HW_NEAR_LEVEL_STRIDE;
+}
+
+// The largest stretch of the transform's axes.
+static double transform_scale(const hw_mat4 *m)
+{
+    double most = 0;
+    for (int c = 0; c < 3; c++)
+        most = fmax(most, sqrt(m->m[4 * c] * m->m[4 * c] + m->m[4 * c + 1] * m->m[4 * c + 1] +
+                               m->m[4 * c + 2] * m->m[4 * c + 2]));
+    return most;
+}
+
+static hw_status add_object(const hw_cell_inputs *in, const hw_cell_view *view, uint32_t object_idx, assembly *a)
+{
+    const hw_object *object = &in->scene->objects[object_idx];
+    hw_vec3 towards = hw_v3_sub(hw_box_centre(object->bounds), view->centre);
+    hw_svmesh_job job = {
+        .view = view,
+        .options = &in->far,
+        .scene = in->scene,
+        .capturer = in->capturer,
+        .chain = &in->chains[object->mesh_idx],
+        .object_idx = object_idx,
+        .distance = hw_region_distance_to(view->grid, view->id, object->bounds),
+        .scale = transform_scale(&object->transform),
+        .face = hw_face_towards(towards.x, towards.y),
+    };
+    bool is_near;
+    sorted_svmesh *slot = &a->far[a->far_count];
+    HW_TRY(hw_svmesh_derive(&job, &is_near, &slot->svmesh));
+    if (is_near) {
+        uint32_t level =
+            hw_near_level(job.chain, job.scale, job.distance.nearest, view->focal_px, in->near_error_px);
+        a->near[a->near_count++] = (hw_near_record){object_idx, level};
+    } else if (slot->svmesh.record.index_count > 0) {
+        slot->azimuth = atan2(towards.y, towards.x);
+        a->far_count++;
+    }
+    return HW_OK;
+}
+
+static int by_azimuth(const void *x, const void *y)
+{
+    const sorted_svmesh *a = x, *b = y;
+    if (a->azimuth != b->azimuth)
+        return a->azimuth < b->azimuth ? -1 : 1;
+    return a->svmesh.record.object_idx < b->svmesh.record.object_idx ? -1 : 1;
+}
+
+static void copy_capture(hw_image *atlas, const hw_rect *place, const hw_capture *capture)
+{
+    for (uint32_t y = 0; y < capture->height; y++) {
+        const hw_color8 *from = capture->colors + (size_t)y * capture->width;
+        uint8_t *to = atlas->data + ((size_t)(place->y + y) * atlas->width + place->x) * 4;
+        for (uint32_t x = 0; x < capture->width; x++, to += 4) {
+            to[0] = from[x].r;
+            to[1] = from[x].g;
+            to[2] = from[x].b;
+            to[3] = 255;
+        }
+    }
+}
+
+// Packs the captures; blocks of 4 x 4 texels are never shared between two of them.
+static hw_status pack_atlas(assembly *a, hw_cell *out)
+{
+    hw_status status;
+    hw_rect *places = NULL;
+    hw_image atlas = {0};
+    HW_GO(HW_NEW(&places, a->far_count));
+    for (uint32_t i = 0; i < a->far_count; i++) {
+        const hw_capture *capture = &a->far[i].svmesh.capture;
+        places[i] = (hw_rect){0, 0, capture->width, capture->height};
+    }
+    HW_GO(hw_atlas_pack(places, a->far_count, 4, HW_CELL_ATLAS_MAX, &out->atlas_width, &out->atlas_height));
+    HW_GO(hw_image_make(&atlas, out->atlas_width, out->atlas_height, 4));
+    for (uint32_t i = 0; i < a->far_count; i++) {
+        copy_capture(&atlas, &places[i], &a->far[i].svmesh.capture);
+        hw_rect *rect = &a->far[i].svmesh.record.rect;
+        rect->x = places[i].x + HW_CAPTURE_PADDING;
+        rect->y = places[i].y + HW_CAPTURE_PADDING;
+    }
+    HW_GO(HW_NEW(&out->atlas_bc1, hw_bc1_bytes(out->atlas_width, out->atlas_height)));
+    hw_bc1_encode(&atlas, out->atlas_bc1);
+out:
+    hw_image_free(&atlas);
+    hw_free(places);
+    return status;
+}
+
+static hw_status join_meshes(const assembly *a, hw_cell *out)
+{
+    uint64_t vertices = 0, indices = 0;
+    for (uint32_t i = 0; i < a->far_count; i++) {
+        vertices += a->far[i].svmesh.record.vertex_count;
+        indices += a->far[i].svmesh.record.index_count;
+    }
+    if (a->far_count > HW_CELL_RECORDS_MAX || vertices > HW_CELL_VERTICES_MAX || indices > HW_CELL_INDICES_MAX)
+        return hw_fail(HW_LIMIT, "cell %d_%d sees %u far objects with %llu vertices, more than a cell file holds", out->id.q,
+                       out->id.r, a->far_count, (unsigned long long)vertices);
+    HW_TRY(HW_NEW(&out->far, a->far_count));
+    HW_TRY(HW_NEW(&out->vertices, vertices));
+    HW_TRY(HW_NEW(&out->indices, indices));
+    for (uint32_t i = 0; i < a->far_count; i++) {
+        const hw_svmesh *s = &a->far[i].svmesh;
+        hw_far_record *record = &out->far[i];
+        *record = s->record;
+        record->first_vertex = out->vertex_count;
+        record->first_index = out->index_count;
+        for (uint32_t v = 0; v < record->vertex_count; v++) {
+            hw_far_vertex *vertex = &out->vertices[out->vertex_count++];
+            *vertex = s->vertices[v];
+            vertex->record = (uint16_t)i;
+        }
+        for (uint32_t k = 0; k < record->index_count; k++)
+            out->indices[out->index_count++] = record->first_vertex + s->indices[k];
+    }
+    out->far_count = a->far_count;
+    return HW_OK;
+}
+
+hw_status hw_build_cell(const hw_cell_inputs *in, hw_cell_id id, hw_cell *out)
+{
+    hw_status status;
+    assembly a = {0};
+    hw_cell_view view = hw_cell_view_make(in->grid, id);
+    memset(out, 0, sizeof *out);
+    out->id = id;
+    out->centre = view.centre;
+    out->key = in->key;
+    HW_GO(HW_NEW(&a.near, in->scene->object_count));
+    HW_GO(HW_NEW(&a.far, in->scene->object_count));
+    for (uint32_t i = 0; i < in->scene->object_count; i++)
+        HW_GO(add_object(in, &view, i, &a));
+    out->near = a.near;
+    out->near_count = a.near_count;
+    a.near = NULL;
+    qsort(a.far, a.far_count, sizeof *a.far, by_azimuth);
+    if (a.far_count > 0)
+        HW_GO(pack_atlas(&a, out));
+    HW_GO(join_meshes(&a, out));
+out:
+    for (uint32_t i = 0; i < a.far_count; i++)
+        hw_svmesh_free(&a.far[i].svmesh);
+    hw_free(a.near);
+    hw_free(a.far);
+    if (status != HW_OK)
+        hw_cell_free(out);
+    return status;
+}

@@ -1,0 +1,22 @@
+// Makes one cell: sorts the objects into near and far, derives the SVMeshes, packs them.
+#pragma once
+#include "svmesh.h"
+
+// Everything cells are made from; read-only while they are made.
+typedef struct hw_cell_inputs {
+    const hw_scene *scene;
+    const hw_chain *chains; // per mesh of the scene
+    const hw_capturer *capturer;
+    const hw_hexgrid *grid;
+    hw_far_options far;
+    double near_error_px;
+    uint64_t key;
+} hw_cell_inputs;
+
+// Level of the mesh file to draw a near object with at a distance: the coarsest one whose largest error is at most error_px; mesh files hold
+// every HW_NEAR_LEVEL_STRIDE-th level of the chain. Textured meshes have level 0 only.
+#define HW_NEAR_LEVEL_STRIDE 2u
+uint32_t hw_near_level(const hw_chain *chain, double scale, double distance, double focal_px, double error_px);
+
+// Thread-safe. Free with hw_cell_free.
+HW_MUST_USE hw_status hw_build_cell(const hw_cell_inputs *inputs, hw_cell_id id, hw_cell *out);

@@ -1,0 +1,213 @@
+#include "chain.h"
+#include "alloc.h"
+#include "collapse.h"
+#include "deviation.h"
+#include "importance.h"
+#include "metric.h"
+#include "parallel.h"
+#include "rays.h"
+#include <math.h>
+#include <string.h>
+
+#define LEVEL_STEP 0.8408964152537146 // 2^(-1/4)
+#define IMPORTANCE_LINES 32u
+#define OUTLINE_VIEWS 12u
+#define OUTLINE_RESOLUTION 1024u
+#define DEVIATION_SAMPLES 20000u
+
+typedef struct maker {
+    const hw_mesh *original;
+    hw_chain_options options;
+    hw_rays *rays;
+    hw_outline *outline;
+    float *importance;
+    hw_chain *chain;
+} maker;
+
+void hw_chain_free(hw_chain *chain)
+{
+    if (!chain)
+        return;
+    for (uint32_t i = 0; i < chain->level_count; i++)
+        hw_mesh_free(&chain->levels[i]);
+    hw_free(chain->levels);
+    hw_free(chain->infos);
+    memset(chain, 0, sizeof *chain);
+}
+
+// The engine works on positions alone: vertices that differ only in attributes are one.
+static hw_status make_collapser(const hw_mesh *mesh, hw_collapser **out)
+{
+    hw_status status;
+    uint32_t *weld = NULL, *indices = NULL;
+    double(*positions)[3] = NULL;
+    HW_GO(HW_NEW(&weld, mesh->vertex_count));
+    HW_GO(HW_NEW(&indices, mesh->index_count));
+    HW_GO(HW_NEW(&positions, mesh->vertex_count));
+    HW_GO(hw_mesh_weld_map(mesh, weld));
+    for (uint32_t i = 0; i < mesh->index_count; i++)
+        indices[i] = weld[mesh->indices[i]];
+    for (uint32_t v = 0; v < mesh->vertex_count; v++) {
+        positions[v][0] = mesh->positions[v].x;
+        positions[v][1] = mesh->positions[v].y;
+        positions[v][2] = mesh->positions[v].z;
+    }
+    HW_GO(hw_collapser_create((const double(*)[3])positions, mesh->vertex_count, indices, mesh->index_count / 3, NULL, out));
+out:
+    hw_free(weld);
+    hw_free(indices);
+    hw_free(positions);
+    return status;
+}
+
+static hw_status snapshot(const hw_collapser *c, hw_mesh *out)
+{
+    hw_status status;
+    uint32_t *vertices = NULL;
+    memset(out, 0, sizeof *out);
+    HW_GO(HW_NEW(&vertices, c->vertex_count));
+    HW_GO(HW_NEW(&out->indices, 3 * (size_t)c->live_faces));
+    out->index_count = 3 * c->live_faces;
+    out->vertex_count = hw_collapser_extract(c, vertices, out->indices);
+    HW_GO(HW_NEW(&out->positions, out->vertex_count));
+    for (uint32_t v = 0; v < out->vertex_count; v++) {
+        const double *p = c->positions[vertices[v]];
+        out->positions[v] = hw_v3((float)p[0], (float)p[1], (float)p[2]);
+    }
+out:
+    hw_free(vertices);
+    if (status != HW_OK)
+        hw_mesh_free(out);
+    return status;
+}
+
+static hw_color8 color_at(const hw_mesh *mesh, const hw_closest *at)
+{
+    const uint32_t *t = mesh->indices + 3 * (size_t)at->triangle_idx;
+    float w[3] = {1 - at->u - at->v, at->u, at->v}, sum[4] = {0.5f, 0.5f, 0.5f, 0.5f};
+    for (int i = 0; i < 3; i++) {
+        hw_color8 c = mesh->colors[t[i]];
+        sum[0] += w[i] * c.r;
+        sum[1] += w[i] * c.g;
+        sum[2] += w[i] * c.b;
+        sum[3] += w[i] * c.a;
+    }
+    for (int i = 0; i < 4; i++)
+        sum[i] = fminf(fmaxf(sum[i], 0), 255);
+    return (hw_color8){(uint8_t)sum[0], (uint8_t)sum[1], (uint8_t)sum[2], (uint8_t)sum[3]};
+}
+
+// Pulls vertices back, takes colours over, and measures.
+static hw_status finish_level(void *context, uint64_t index, uint32_t thread)
+{
+    (void)thread;
+    maker *m = context;
+    uint32_t l = (uint32_t)index + 1;
+    hw_mesh *level = &m->chain->levels[l];
+    hw_mesh_level_info *info = &m->chain->infos[l];
+    if (m->original->colors)
+        HW_TRY(HW_NEW(&level->colors, level->vertex_count));
+    for (uint32_t v = 0; v < level->vertex_count; v++) {
+        hw_closest at = hw_rays_closest(m->rays, level->positions[v], INFINITY);
+        if (!(at.distance < INFINITY))
+            continue;
+        hw_vec3 way = hw_v3_sub(at.point, level->positions[v]);
+        level->positions[v] = hw_v3_mad(level->positions[v], way, m->options.pull_back);
+        if (level->colors)
+            level->colors[v] = color_at(m->original, &at);
+    }
+    HW_TRY(hw_mesh_compute_normals(level));
+    hw_surface_error surface;
+    double outline;
+    HW_TRY(hw_surface_deviation(m->rays, m->original, level, DEVIATION_SAMPLES, l, &surface));
+    HW_TRY(hw_outline_deviation(m->outline, level, &outline));
+    *info = (hw_mesh_level_info){level->vertex_count, level->index_count, (float)surface.rms, (float)surface.max,
+                                 (float)outline};
+    return HW_OK;
+}
+
+static hw_status collapse_levels(maker *m)
+{
+    hw_status status;
+    hw_collapser *c = NULL;
+    hw_chain *chain = m->chain;
+    HW_GO(make_collapser(m->original, &c));
+    hw_metric metric = hw_metric_quadric(m->importance);
+    double faces = c->live_faces;
+    while (chain->level_count < HW_MESH_LEVELS_MAX && faces * LEVEL_STEP >= m->options.face_floor) {
+        faces *= LEVEL_STEP;
+        uint32_t before = c->live_faces;
+        hw_collapse_limits limits = {(uint32_t)faces, INFINITY};
+        HW_GO(hw_collapser_run(c, &metric, &limits));
+        if (c->live_faces == before)
+            break; // nothing more can go
+        HW_GO(snapshot(c, &chain->levels[chain->level_count]));
+        chain->level_count++;
+    }
+out:
+    hw_collapser_destroy(c);
+    return status;
+}
+
+static void make_errors_monotone(hw_chain *chain)
+{
+    for (uint32_t l = 1; l < chain->level_count; l++) {
+        hw_mesh_level_info *info = &chain->infos[l], *finer = &chain->infos[l - 1];
+        info->error_rms = fmaxf(info->error_rms, finer->error_rms);
+        info->error_max = fmaxf(info->error_max, finer->error_max);
+        info->error_silhouette = fmaxf(info->error_silhouette, finer->error_silhouette);
+    }
+}
+
+hw_status hw_chain_make(const hw_mesh *mesh, const hw_chain_options *options, hw_chain *out)
+{
+    hw_status status;
+    maker m = {.original = mesh, .chain = out};
+    memset(out, 0, sizeof *out);
+    if (options)
+        m.options = *options;
+    else
+        m.options.pull_back = -1;
+    if (m.options.face_floor == 0)
+        m.options.face_floor = 40;
+    if (m.options.importance_floor == 0)
+        m.options.importance_floor = 0.05f;
+    if (m.options.pull_back < 0)
+        m.options.pull_back = 0.25f;
+    HW_GO(HW_NEW(&out->levels, HW_MESH_LEVELS_MAX));
+    HW_GO(HW_NEW(&out->infos, HW_MESH_LEVELS_MAX));
+    HW_GO(hw_mesh_copy(mesh, &out->levels[0]));
+    out->infos[0] = (hw_mesh_level_info){.vertex_count = mesh->vertex_count, .index_count = mesh->index_count};
+    out->level_count = 1;
+    HW_GO(hw_rays_create_mesh(&m.rays, mesh));
+    HW_GO(hw_outline_create(&m.outline, mesh, OUTLINE_VIEWS, OUTLINE_RESOLUTION));
+    HW_GO(HW_NEW(&m.importance, mesh->vertex_count));
+    HW_GO(hw_silhouette_importance(mesh, m.rays, IMPORTANCE_LINES, m.options.importance_floor, m.options.threads,
+                                   m.importance));
+    HW_GO(collapse_levels(&m));
+    HW_GO(hw_parallel_for(out->level_count - 1, m.options.threads, finish_level, &m, NULL));
+    make_errors_monotone(out);
+out:
+    hw_free(m.importance);
+    hw_outline_destroy(m.outline);
+    hw_rays_destroy(m.rays);
+    if (status != HW_OK)
+        hw_chain_free(out);
+    return status;
+}
+
+uint32_t hw_chain_level_by_silhouette(const hw_chain *chain, double bound)
+{
+    uint32_t l = 0;
+    while (l + 1 < chain->level_count && chain->infos[l + 1].error_silhouette <= bound)
+        l++;
+    return l;
+}
+
+uint32_t hw_chain_level_by_error(const hw_chain *chain, double bound)
+{
+    uint32_t l = 0;
+    while (l + 1 < chain->level_count && chain->infos[l + 1].error_max <= bound)
+        l++;
+    return l;
+}

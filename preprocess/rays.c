@@ -1,0 +1,367 @@
+#include "rays.h"
+#include "alloc.h"
+#include "parallel.h"
+#include <assert.h>
+#include <embree3/rtcore.h>
+#include <string.h>
+
+// Where an object's own mesh lies: its scene, and the way from world to mesh space.
+typedef struct object_place {
+    RTCScene scene;
+    hw_mat4 inverse;
+} object_place;
+
+struct hw_rays {
+    RTCDevice device;
+    RTCScene *mesh_scenes; // one per mesh
+    uint32_t mesh_count;
+    RTCScene top; // instances of the mesh scenes; for a single mesh that mesh's scene (not owned)
+    bool instanced;
+    object_place *places; // one per object
+    uint32_t object_count;
+    const hw_mesh *mesh; // of hw_rays_create_mesh, else NULL
+};
+
+static hw_status check_device(RTCDevice device, const char *what)
+{
+    enum RTCError error = rtcGetDeviceError(device);
+    if (error == RTC_ERROR_NONE)
+        return HW_OK;
+    if (error == RTC_ERROR_OUT_OF_MEMORY)
+        return hw_fail(HW_MEMORY, "embree: out of memory while building %s", what);
+    return hw_fail(HW_INTERNAL, "embree: error %d while building %s", (int)error, what);
+}
+
+static hw_status create_device(hw_rays *rays)
+{
+    // One thread per build: a parallel build may order a leaf's triangles differently from run to
+    // run, and then rays through a shared edge would report either of its triangles. Meshes are
+    // built beside each other instead.
+    rays->device = rtcNewDevice("threads=1");
+    if (!rays->device)
+        return hw_fail(HW_INTERNAL, "embree: no device (error %d)", (int)rtcGetDeviceError(NULL));
+    return HW_OK;
+}
+
+static hw_status create_mesh_scene(RTCDevice device, const hw_mesh *mesh, RTCScene *out)
+{
+    const char *name = mesh->name ? mesh->name : "a mesh";
+    *out = rtcNewScene(device);
+    if (!*out)
+        return check_device(device, name);
+    rtcSetSceneFlags(*out, RTC_SCENE_FLAG_ROBUST);
+    RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
+    if (!geometry)
+        return check_device(device, name);
+    // Vertices are copied: Embree reads 16 bytes at the last one, which a shared array need not
+    // have.
+    void *vertices = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
+                                             sizeof(hw_vec3), mesh->vertex_count);
+    if (vertices)
+        memcpy(vertices, mesh->positions, (size_t)mesh->vertex_count * sizeof(hw_vec3));
+    rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, mesh->indices,
+                               0, 3 * sizeof(uint32_t), mesh->index_count / 3);
+    rtcCommitGeometry(geometry);
+    rtcAttachGeometryByID(*out, geometry, 0);
+    rtcReleaseGeometry(geometry);
+    rtcCommitScene(*out);
+    return check_device(device, name);
+}
+
+hw_status hw_rays_create_mesh(hw_rays **out, const hw_mesh *mesh)
+{
+    hw_status status = HW_OK;
+    hw_rays *rays = NULL;
+    *out = NULL;
+    HW_GO(HW_NEW(&rays, 1));
+    HW_GO(create_device(rays));
+    HW_GO(HW_NEW(&rays->mesh_scenes, 1));
+    rays->mesh_count = 1;
+    HW_GO(create_mesh_scene(rays->device, mesh, &rays->mesh_scenes[0]));
+    HW_GO(HW_NEW(&rays->places, 1));
+    rays->places[0] = (object_place){rays->mesh_scenes[0], hw_mat4_identity()};
+    rays->object_count = 1;
+    rays->top = rays->mesh_scenes[0];
+    rays->mesh = mesh;
+    *out = rays;
+    rays = NULL;
+out:
+    hw_rays_destroy(rays);
+    return status;
+}
+
+typedef struct mesh_job {
+    hw_rays *rays;
+    const hw_scene *scene;
+} mesh_job;
+
+static hw_status build_mesh(void *context, uint64_t index, uint32_t thread)
+{
+    (void)thread;
+    mesh_job *job = context;
+    return create_mesh_scene(job->rays->device, &job->scene->meshes[index],
+                             &job->rays->mesh_scenes[index]);
+}
+
+static hw_status attach_object(hw_rays *rays, const hw_scene *scene, uint32_t object_idx)
+{
+    const hw_object *object = &scene->objects[object_idx];
+    object_place *place = &rays->places[object_idx];
+    place->scene = rays->mesh_scenes[object->mesh_idx];
+    if (!hw_mat4_inverse(object->transform, &place->inverse))
+        return hw_fail(HW_FORMAT, "%s: object %u: its transform is singular",
+                       scene->path ? scene->path : "scene", object_idx);
+    float columns[12];
+    for (int column = 0; column < 4; column++)
+        for (int row = 0; row < 3; row++)
+            columns[column * 3 + row] = (float)object->transform.m[column * 4 + row];
+    RTCGeometry geometry = rtcNewGeometry(rays->device, RTC_GEOMETRY_TYPE_INSTANCE);
+    if (!geometry)
+        return check_device(rays->device, "an instance");
+    rtcSetGeometryInstancedScene(geometry, place->scene);
+    rtcSetGeometryTransform(geometry, 0, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, columns);
+    rtcCommitGeometry(geometry);
+    rtcAttachGeometryByID(rays->top, geometry, object_idx);
+    rtcReleaseGeometry(geometry);
+    return check_device(rays->device, "an instance");
+}
+
+hw_status hw_rays_create_scene(hw_rays **out, const hw_scene *scene)
+{
+    hw_status status = HW_OK;
+    hw_rays *rays = NULL;
+    *out = NULL;
+    HW_GO(HW_NEW(&rays, 1));
+    HW_GO(create_device(rays));
+    HW_GO(HW_NEW(&rays->mesh_scenes, scene->mesh_count));
+    rays->mesh_count = scene->mesh_count;
+    mesh_job job = {rays, scene};
+    HW_GO(hw_parallel_for(scene->mesh_count, 0, build_mesh, &job, NULL));
+
+    HW_GO(HW_NEW(&rays->places, scene->object_count));
+    rays->object_count = scene->object_count;
+    rays->instanced = true;
+    rays->top = rtcNewScene(rays->device);
+    if (!rays->top)
+        HW_GO(check_device(rays->device, "the scene"));
+    rtcSetSceneFlags(rays->top, RTC_SCENE_FLAG_ROBUST);
+    for (uint32_t i = 0; i < scene->object_count; i++)
+        HW_GO(attach_object(rays, scene, i));
+    rtcCommitScene(rays->top);
+    HW_GO(check_device(rays->device, "the scene"));
+    *out = rays;
+    rays = NULL;
+out:
+    hw_rays_destroy(rays);
+    return status;
+}
+
+void hw_rays_destroy(hw_rays *rays)
+{
+    if (!rays)
+        return;
+    if (rays->instanced && rays->top)
+        rtcReleaseScene(rays->top);
+    for (uint32_t i = 0; i < rays->mesh_count; i++)
+        if (rays->mesh_scenes[i])
+            rtcReleaseScene(rays->mesh_scenes[i]);
+    if (rays->device)
+        rtcReleaseDevice(rays->device);
+    hw_free(rays->mesh_scenes);
+    hw_free(rays->places);
+    hw_free(rays);
+}
+
+static struct RTCRay make_ray(hw_vec3 origin, hw_vec3 direction, float t_min, float t_max)
+{
+    struct RTCRay ray = {0};
+    ray.org_x = origin.x;
+    ray.org_y = origin.y;
+    ray.org_z = origin.z;
+    ray.tnear = t_min > 0 ? t_min : 0; // Embree wants no negative start
+    ray.dir_x = direction.x;
+    ray.dir_y = direction.y;
+    ray.dir_z = direction.z;
+    ray.tfar = t_max;
+    ray.mask = UINT32_MAX;
+    return ray;
+}
+
+static hw_hit cast(RTCScene scene, hw_vec3 origin, hw_vec3 direction, float t_min, float t_max)
+{
+    struct RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    struct RTCRayHit hit;
+    hit.ray = make_ray(origin, direction, t_min, t_max);
+    hit.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+    hit.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+    rtcIntersect1(scene, &context, &hit);
+    if (hit.hit.geomID == RTC_INVALID_GEOMETRY_ID)
+        return (hw_hit){.t = INFINITY};
+    uint32_t object_idx = hit.hit.instID[0];
+    return (hw_hit){hit.ray.tfar, object_idx == RTC_INVALID_GEOMETRY_ID ? 0 : object_idx,
+                    hit.hit.primID, hit.hit.u, hit.hit.v};
+}
+
+hw_hit hw_rays_cast(const hw_rays *rays, hw_vec3 origin, hw_vec3 direction, float t_min,
+                    float t_max)
+{
+    return cast(rays->top, origin, direction, t_min, t_max);
+}
+
+hw_hit hw_rays_cast_object(const hw_rays *rays, uint32_t object_idx, hw_vec3 origin,
+                           hw_vec3 direction, float t_min, float t_max)
+{
+    assert(object_idx < rays->object_count);
+    const object_place *place = &rays->places[object_idx];
+    // The direction keeps its length in the sense of the map, so t is the same in both spaces.
+    hw_hit hit = cast(place->scene, hw_mat4_point(&place->inverse, origin),
+                      hw_mat4_direction(&place->inverse, direction), t_min, t_max);
+    hit.object_idx = object_idx;
+    return hit;
+}
+
+#define PACKET 16
+
+// One packet of up to PACKET rays of one origin, already in mesh space.
+static void cast_packet(RTCScene scene, struct RTCIntersectContext *context, hw_vec3 origin,
+                        const hw_vec3 *directions, uint32_t count, float t_max, hw_hit *hits)
+{
+    struct RTCRayHit16 packet;
+    _Alignas(64) int valid[PACKET];
+    for (uint32_t i = 0; i < PACKET; i++) {
+        hw_vec3 direction = directions[i < count ? i : 0];
+        valid[i] = i < count ? -1 : 0;
+        packet.ray.org_x[i] = origin.x;
+        packet.ray.org_y[i] = origin.y;
+        packet.ray.org_z[i] = origin.z;
+        packet.ray.tnear[i] = 0;
+        packet.ray.dir_x[i] = direction.x;
+        packet.ray.dir_y[i] = direction.y;
+        packet.ray.dir_z[i] = direction.z;
+        packet.ray.time[i] = 0;
+        packet.ray.tfar[i] = t_max;
+        packet.ray.mask[i] = UINT32_MAX;
+        packet.ray.id[i] = 0;
+        packet.ray.flags[i] = 0;
+        packet.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
+        packet.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
+    }
+    rtcIntersect16(valid, scene, context, &packet);
+    for (uint32_t i = 0; i < count; i++) {
+        bool hit = packet.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID;
+        hits[i].t = hit ? packet.ray.tfar[i] : INFINITY;
+        hits[i].triangle_idx = hit ? packet.hit.primID[i] : 0;
+        hits[i].u = hit ? packet.hit.u[i] : 0;
+        hits[i].v = hit ? packet.hit.v[i] : 0;
+    }
+}
+
+void hw_rays_cast_object_many(const hw_rays *rays, uint32_t object_idx, hw_vec3 origin,
+                              const hw_vec3 *directions, uint32_t count, float t_max, hw_hit *hits)
+{
+    assert(object_idx < rays->object_count);
+    const object_place *place = &rays->places[object_idx];
+    struct RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+    hw_vec3 local_origin = hw_mat4_point(&place->inverse, origin);
+    for (uint32_t first = 0; first < count; first += PACKET) {
+        uint32_t n = count - first < PACKET ? count - first : PACKET;
+        hw_vec3 local[PACKET];
+        for (uint32_t i = 0; i < n; i++)
+            local[i] = hw_mat4_direction(&place->inverse, directions[first + i]);
+        cast_packet(place->scene, &context, local_origin, local, n, t_max, hits + first);
+        for (uint32_t i = 0; i < n; i++)
+            hits[first + i].object_idx = object_idx;
+    }
+}
+
+bool hw_rays_occluded(const hw_rays *rays, hw_vec3 origin, hw_vec3 direction, float t_min,
+                      float t_max)
+{
+    struct RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    struct RTCRay ray = make_ray(origin, direction, t_min, t_max);
+    rtcOccluded1(rays->top, &context, &ray);
+    return ray.tfar < 0; // Embree marks a hit by -inf
+}
+
+// Barycentric coordinates (u, v) of the point of triangle abc closest to p
+// (Ericson, Real-Time Collision Detection, 5.1.5).
+static void closest_on_triangle(hw_vec3 p, hw_vec3 a, hw_vec3 b, hw_vec3 c, float *u, float *v)
+{
+    hw_vec3 ab = hw_v3_sub(b, a), ac = hw_v3_sub(c, a), ap = hw_v3_sub(p, a);
+    float d1 = hw_v3_dot(ab, ap), d2 = hw_v3_dot(ac, ap);
+    *u = *v = 0;
+    if (d1 <= 0 && d2 <= 0)
+        return;
+    hw_vec3 bp = hw_v3_sub(p, b);
+    float d3 = hw_v3_dot(ab, bp), d4 = hw_v3_dot(ac, bp);
+    if (d3 >= 0 && d4 <= d3) {
+        *u = 1;
+        return;
+    }
+    float vc = d1 * d4 - d3 * d2;
+    if (vc <= 0 && d1 >= 0 && d3 <= 0) {
+        *u = d1 - d3 > 0 ? d1 / (d1 - d3) : 0;
+        return;
+    }
+    hw_vec3 cp = hw_v3_sub(p, c);
+    float d5 = hw_v3_dot(ab, cp), d6 = hw_v3_dot(ac, cp);
+    if (d6 >= 0 && d5 <= d6) {
+        *v = 1;
+        return;
+    }
+    float vb = d5 * d2 - d1 * d6;
+    if (vb <= 0 && d2 >= 0 && d6 <= 0) {
+        *v = d2 - d6 > 0 ? d2 / (d2 - d6) : 0;
+        return;
+    }
+    float va = d3 * d6 - d5 * d4;
+    if (va <= 0 && d4 - d3 >= 0 && d5 - d6 >= 0) {
+        float length = (d4 - d3) + (d5 - d6);
+        *v = length > 0 ? (d4 - d3) / length : 0;
+        *u = 1 - *v;
+        return;
+    }
+    float sum = va + vb + vc;
+    *u = sum > 0 ? vb / sum : 0;
+    *v = sum > 0 ? vc / sum : 0;
+}
+
+typedef struct closest_query {
+    const hw_mesh *mesh;
+    hw_closest best;
+} closest_query;
+
+static bool closest_callback(struct RTCPointQueryFunctionArguments *arguments)
+{
+    closest_query *query = arguments->userPtr;
+    const hw_mesh *mesh = query->mesh;
+    const uint32_t *triangle = mesh->indices + 3 * (size_t)arguments->primID;
+    hw_vec3 p = {arguments->query->x, arguments->query->y, arguments->query->z};
+    hw_vec3 a = mesh->positions[triangle[0]];
+    hw_vec3 b = mesh->positions[triangle[1]];
+    hw_vec3 c = mesh->positions[triangle[2]];
+    float u, v;
+    closest_on_triangle(p, a, b, c, &u, &v);
+    hw_vec3 point = hw_v3_mad(hw_v3_mad(a, hw_v3_sub(b, a), u), hw_v3_sub(c, a), v);
+    float distance = hw_v3_length(hw_v3_sub(point, p));
+    if (!(distance <= arguments->query->radius && distance < query->best.distance))
+        return false;
+    query->best = (hw_closest){distance, arguments->primID, u, v, point};
+    arguments->query->radius = distance;
+    return true;
+}
+
+hw_closest hw_rays_closest(const hw_rays *rays, hw_vec3 point, float radius)
+{
+    assert(rays->mesh);
+    closest_query query = {rays->mesh, {.distance = INFINITY}};
+    struct RTCPointQuery embree_query = {point.x, point.y, point.z, 0, radius};
+    struct RTCPointQueryContext context;
+    rtcInitPointQueryContext(&context);
+    rtcPointQuery(rays->top, &embree_query, &context, closest_callback, &query);
+    return query.best;
+}

@@ -1,0 +1,276 @@
+#include "svmesh.h"
+#include "alloc.h"
+#include <math.h>
+#include <meshoptimizer.h>
+#include <string.h>
+
+// Colours spread this far beyond an object's outline, so that filtering and simplified outlines never meet the background.
+#define DILATION_TEXELS 6u
+
+static const hw_svmesh_policy *const policies[] = {&hw_policy_screen, &hw_policy_thesis, NULL};
+
+const hw_svmesh_policy *hw_policy_find(const char *name)
+{
+    for (int i = 0; policies[i]; i++)
+        if (strcmp(policies[i]->name, name) == 0)
+            return policies[i];
+    return NULL;
+}
+
+void hw_view_mesh_free(hw_view_mesh *mesh)
+{
+    if (!mesh)
+        return;
+    hw_free(mesh->positions);
+    hw_free(mesh->indices);
+    memset(mesh, 0, sizeof *mesh);
+}
+
+hw_status hw_view_mesh_compact(hw_view_mesh *mesh)
+{
+    uint32_t *remap = NULL;
+    HW_TRY(HW_NEW(&remap, mesh->vertex_count));
+    for (uint32_t i = 0; i < mesh->index_count; i++)
+        remap[mesh->indices[i]] = 1;
+    uint32_t n = 0;
+    for (uint32_t v = 0; v < mesh->vertex_count; v++) {
+        if (!remap[v])
+            continue;
+        memmove(mesh->positions[n], mesh->positions[v], sizeof mesh->positions[n]);
+        remap[v] = n++;
+    }
+    for (uint32_t i = 0; i < mesh->index_count; i++)
+        mesh->indices[i] = remap[mesh->indices[i]];
+    mesh->vertex_count = n;
+    hw_free(remap);
+    return HW_OK;
+}
+
+void hw_svmesh_free(hw_svmesh *svmesh)
+{
+    if (!svmesh)
+        return;
+    hw_free(svmesh->vertices);
+    hw_free(svmesh->indices);
+    hw_capture_free(&svmesh->capture);
+    memset(svmesh, 0, sizeof *svmesh);
+}
+
+hw_cell_view hw_cell_view_make(const hw_hexgrid *grid, hw_cell_id id)
+{
+    hw_cell_view view = {.grid = grid, .id = id, .centre = hw_cell_centre(grid, id)};
+    hw_cell_corners(grid, id, view.corners);
+    view.focal_px = HW_REFERENCE_IMAGE_PX / 2 / tan(HW_REFERENCE_FOV_DEGREES / 2 * HW_PI / 180);
+    return view;
+}
+
+bool hw_svmesh_project(const hw_svmesh_job *job, hw_vec3 world, double image[3])
+{
+    hw_vec3 axis, right, up, rel = hw_v3_sub(world, job->view->centre);
+    hw_face_basis(job->face, &axis, &right, &up);
+    double depth = hw_v3_dot(rel, axis), focal = job->view->focal_px;
+    if (depth < 1e-3)
+        return false;
+    image[0] = focal * hw_v3_dot(rel, right) / depth;
+    image[1] = focal * hw_v3_dot(rel, up) / depth;
+    image[2] = focal * job->view->grid->cell_size / depth;
+    return true;
+}
+
+uint32_t hw_svmesh_eyes(const hw_svmesh_job *job, bool centre_only, hw_vec3 eyes[HW_CELL_CORNERS])
+{
+    hw_mat4 inverse;
+    hw_mat4_inverse(job->scene->objects[job->object_idx].transform, &inverse);
+    uint32_t count = centre_only ? 1 : HW_CELL_CORNERS;
+    for (uint32_t i = 0; i < count; i++)
+        eyes[i] = hw_mat4_point(&inverse, centre_only ? job->view->centre : job->view->corners[i]);
+    return count;
+}
+
+static void image_bounds(const hw_view_mesh *mesh, double min[3], double max[3])
+{
+    for (int i = 0; i < 3; i++) {
+        min[i] = INFINITY;
+        max[i] = -INFINITY;
+    }
+    for (uint32_t v = 0; v < mesh->vertex_count; v++)
+        for (int i = 0; i < 3; i++) {
+            min[i] = fmin(min[i], mesh->positions[v][i]);
+            max[i] = fmax(max[i], mesh->positions[v][i]);
+        }
+}
+
+// Texels per unit of the plane at distance 1: one texel per pixel of the nearest viewer in the cell, looking at the nearest part.
+static double capture_density(const hw_svmesh_job *job, double parallax_max)
+{
+    double depth = job->view->focal_px * job->view->grid->cell_size / parallax_max;
+    double nearest = fmax(job->distance.nearest, 1e-3);
+    return job->view->focal_px * fmax(1, depth / nearest);
+}
+
+bool hw_svmesh_window(const hw_svmesh_job *job, const hw_view_mesh *mesh, hw_capture_window *out)
+{
+    double min[3], max[3], focal = job->view->focal_px;
+    image_bounds(mesh, min, max);
+    double density = capture_density(job, max[2]);
+    double side_x = ceil((max[0] - min[0]) / focal * density), side_y = ceil((max[1] - min[1]) / focal * density);
+    if (!(fmax(side_x, side_y) <= job->options->capture_side_max))
+        return false;
+    uint32_t inner_x = (uint32_t)fmax(side_x, 1), inner_y = (uint32_t)fmax(side_y, 1);
+    // The rectangle of the vertices is [min, min + inner texels]; padding lies outside.
+    double texel = 1 / density;
+    double grow = HW_CAPTURE_PADDING * texel;
+    *out = (hw_capture_window){
+        .centre = job->view->centre,
+        .face = job->face,
+        .x_min = (float)(min[0] / focal - grow),
+        .x_max = (float)(min[0] / focal + inner_x * texel + grow),
+        .y_min = (float)(min[1] / focal - grow),
+        .y_max = (float)(min[1] / focal + inner_y * texel + grow),
+        .width = inner_x + 2 * HW_CAPTURE_PADDING,
+        .height = inner_y + 2 * HW_CAPTURE_PADDING,
+    };
+    return true;
+}
+
+// The rectangle of vertices: the window without its padding.
+static void record_window(const hw_capture_window *w, hw_far_record *record)
+{
+    float tx = (w->x_max - w->x_min) / (float)w->width * HW_CAPTURE_PADDING;
+    float ty = (w->y_max - w->y_min) / (float)w->height * HW_CAPTURE_PADDING;
+    record->x_min = w->x_min + tx;
+    record->x_max = w->x_max - tx;
+    record->y_min = w->y_min + ty;
+    record->y_max = w->y_max - ty;
+    record->rect = (hw_rect){0, 0, w->width - 2 * HW_CAPTURE_PADDING, w->height - 2 * HW_CAPTURE_PADDING};
+}
+
+static uint16_t quantise(double value, double min, double max)
+{
+    double q = (value - min) / (max - min) * 65535 + 0.5;
+    return (uint16_t)fmin(fmax(q, 0), 65535);
+}
+
+static hw_status quantise_mesh(const hw_svmesh_job *job, const hw_view_mesh *mesh, hw_svmesh *out)
+{
+    hw_status status;
+    hw_far_record *record = &out->record;
+    uint32_t *remap = NULL;
+    double min[3], max[3], focal = job->view->focal_px, parallax = focal * job->view->grid->cell_size;
+    image_bounds(mesh, min, max);
+    record->iz_min = (float)(min[2] / parallax);
+    record->iz_max = (float)fmax(max[2] / parallax, record->iz_min * (1 + 1e-5));
+    HW_GO(HW_NEW(&out->vertices, mesh->vertex_count));
+    HW_GO(HW_NEW(&out->indices, mesh->index_count));
+    HW_GO(HW_NEW(&remap, mesh->vertex_count));
+    for (uint32_t v = 0; v < mesh->vertex_count; v++) {
+        const double *p = mesh->positions[v];
+        out->vertices[v] = (hw_far_vertex){quantise(p[0] / focal, record->x_min, record->x_max),
+                                           quantise(p[1] / focal, record->y_min, record->y_max),
+                                           quantise(p[2] / parallax, record->iz_min, record->iz_max), 0};
+    }
+    // Vertices that fell together become one; faces that lost their area go.
+    meshopt_generateVertexRemap(remap, mesh->indices, mesh->index_count, out->vertices, mesh->vertex_count,
+                                sizeof *out->vertices);
+    uint32_t n = 0;
+    for (uint32_t i = 0; i < mesh->index_count; i += 3) {
+        const uint32_t *t = mesh->indices + i;
+        uint32_t a = remap[t[0]], b = remap[t[1]], c = remap[t[2]];
+        if (a == b || b == c || c == a)
+            continue;
+        out->indices[n++] = a;
+        out->indices[n++] = b;
+        out->indices[n++] = c;
+    }
+    meshopt_remapVertexBuffer(out->vertices, out->vertices, mesh->vertex_count, sizeof *out->vertices, remap);
+    meshopt_optimizeVertexCache(out->indices, out->indices, n, mesh->vertex_count);
+    record->vertex_count = (uint32_t)meshopt_optimizeVertexFetch(out->vertices, out->indices, n, out->vertices,
+                                                                 mesh->vertex_count, sizeof *out->vertices);
+    record->index_count = n;
+out:
+    hw_free(remap);
+    return status;
+}
+
+static hw_box record_bounds(const hw_svmesh *svmesh, hw_vec3 centre)
+{
+    hw_mat4 matrix = hw_far_record_matrix(&svmesh->record, centre);
+    hw_box box = hw_box_empty();
+    for (uint32_t v = 0; v < svmesh->record.vertex_count; v++) {
+        const hw_far_vertex *p = &svmesh->vertices[v];
+        double h[4];
+        for (int r = 0; r < 4; r++)
+            h[r] = matrix.m[r] * p->x + matrix.m[4 + r] * p->y + matrix.m[8 + r] * p->z + matrix.m[12 + r];
+        hw_box_add(&box, hw_v3((float)(h[0] / h[3]), (float)(h[1] / h[3]), (float)(h[2] / h[3])));
+    }
+    return box;
+}
+
+// Distance from the cell centre and depth of what faces the cell, for the self-occluding error: from the coarsest level, whose few
+// vertices tell the extent well enough.
+static double self_occlusion(const hw_svmesh_job *job)
+{
+    const hw_object *object = &job->scene->objects[job->object_idx];
+    const hw_mesh *level = &job->chain->levels[job->chain->level_count - 1];
+    hw_vec3 eyes[HW_CELL_CORNERS];
+    uint32_t eye_count = hw_svmesh_eyes(job, false, eyes);
+    double least = INFINITY, most = 0;
+    for (uint32_t i = 0; i < level->index_count; i += 3) {
+        const uint32_t *t = level->indices + i;
+        hw_vec3 p[3] = {level->positions[t[0]], level->positions[t[1]], level->positions[t[2]]};
+        if (hw_triangle_facing(p[0], p[1], p[2], eyes, eye_count) == HW_FACING_BACK)
+            continue;
+        for (int k = 0; k < 3; k++) {
+            hw_vec3 rel = hw_v3_sub(hw_mat4_point(&object->transform, p[k]), job->view->centre);
+            double d = sqrt((double)rel.x * rel.x + (double)rel.y * rel.y);
+            least = fmin(least, d);
+            most = fmax(most, d);
+        }
+    }
+    if (!(least < INFINITY))
+        return 0; // nothing faces the cell
+    return hw_self_occluding_error(job->view->grid->cell_size, least, most - least, HW_REFERENCE_IMAGE_PX);
+}
+
+// Whether the whole object lies in front of the plane through the cell centre that its window is parallel to.
+static bool in_front(const hw_svmesh_job *job)
+{
+    const hw_object *object = &job->scene->objects[job->object_idx];
+    double image[3];
+    for (uint32_t i = 0; i < 8; i++)
+        if (!hw_svmesh_project(job, hw_box_corner(object->bounds, i), image))
+            return false;
+    return true;
+}
+
+hw_status hw_svmesh_derive(const hw_svmesh_job *job, bool *is_near, hw_svmesh *out)
+{
+    hw_status status = HW_OK;
+    hw_view_mesh mesh = {0};
+    hw_capture_window window;
+    memset(out, 0, sizeof *out);
+    *is_near = job->distance.nearest <= 0 || !in_front(job) || self_occlusion(job) >= job->options->self_occlusion_px;
+    if (*is_near)
+        return HW_OK;
+    HW_GO(job->options->policy->simplify(job, &mesh));
+    if (mesh.index_count == 0)
+        goto out;
+    if (!hw_svmesh_window(job, &mesh, &window)) {
+        *is_near = true;
+        goto out;
+    }
+    out->record.object_idx = job->object_idx;
+    out->record.face = (uint32_t)job->face;
+    record_window(&window, &out->record);
+    HW_GO(quantise_mesh(job, &mesh, out));
+    if (out->record.index_count == 0)
+        goto out;
+    out->record.bounds = record_bounds(out, job->view->centre);
+    HW_GO(hw_capture_object(job->capturer, job->object_idx, &window, job->options->capture_samples, &out->capture));
+    hw_capture_dilate(&out->capture, DILATION_TEXELS);
+out:
+    hw_view_mesh_free(&mesh);
+    if (status != HW_OK || *is_near || out->record.index_count == 0)
+        hw_svmesh_free(out);
+    return status;
+}

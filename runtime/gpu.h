@@ -1,0 +1,54 @@
+// Thin helpers over GL objects: programs from embedded shaders, buffers, textures, and the count of
+// the bytes they hold. GL thread only. Renderers include this; nobody outside runtime does.
+#pragma once
+#include "image.h"
+#include "status.h"
+#include <glad/gl.h>
+#include <stdbool.h>
+#include <stdint.h>
+
+// Bytes of GL objects that one renderer holds.
+typedef struct hw_gpu_account {
+    uint64_t bytes, bytes_peak;
+} hw_gpu_account;
+
+// HW_GRAPHICS with GL's error code if a GL call has failed since the last check; `what` says what
+// was being done.
+HW_MUST_USE hw_status hw_gpu_check(const char *what);
+
+// Compiles and links. Both stages get the common prefix: the #version line, `defines` (NULL or
+// lines "#define X\n"), the constants of appearance.h, and, for vertex shaders, shading.glsl.
+// HW_GRAPHICS holds the driver's log; `name` is for messages. Delete with glDeleteProgram.
+HW_MUST_USE hw_status hw_gpu_program(const char *name, const char *defines, const char *vertex,
+                                     const char *fragment, GLuint *out);
+
+typedef struct hw_gpu_buffer {
+    GLuint name; // 0 = none
+    uint64_t bytes;
+} hw_gpu_buffer;
+
+// A buffer with `bytes` bytes (data NULL: undefined contents), left bound to `target`. usage:
+// GL_STATIC_DRAW, ... Bind the vertex array first when target is GL_ELEMENT_ARRAY_BUFFER.
+HW_MUST_USE hw_status hw_gpu_buffer_create(hw_gpu_account *account, GLenum target, const void *data,
+                                           uint64_t bytes, GLenum usage, hw_gpu_buffer *out);
+void hw_gpu_buffer_destroy(hw_gpu_account *account, hw_gpu_buffer *buffer);
+
+typedef struct hw_gpu_texture {
+    GLuint name; // 0 = none
+    uint64_t bytes;
+} hw_gpu_texture;
+
+// Repeating, mip-mapped, trilinear, from an image of 1, 3 or 4 channels; image row 0 becomes v = 0.
+HW_MUST_USE hw_status hw_gpu_texture_create(hw_gpu_account *account, const hw_image *image,
+                                            hw_gpu_texture *out);
+// Bilinear, clamped, without mipmaps, from BC1 blocks (sides multiples of 4); row 0 becomes v = 0.
+// Uploaded as it is where the GL has the format in hardware, else as RGBA8.
+HW_MUST_USE hw_status hw_gpu_texture_create_bc1(hw_gpu_account *account, const uint8_t *blocks,
+                                                uint32_t width, uint32_t height,
+                                                hw_gpu_texture *out);
+void hw_gpu_texture_destroy(hw_gpu_account *account, hw_gpu_texture *texture);
+
+// Whether GL runs on the processor (llvmpipe, softpipe, swrast).
+bool hw_gpu_is_software(void);
+// A byte offset as GL wants it.
+const void *hw_gpu_offset(size_t bytes);

@@ -1,0 +1,75 @@
+#include "ground.h"
+#include "appearance.h"
+#include "shaders.h"
+
+hw_status hw_ground_gl_create(hw_gpu_account *account, const hw_ground *ground, hw_ground_gl *out)
+{
+    *out = (hw_ground_gl){.present = ground->present};
+    if (!ground->present)
+        return HW_OK;
+    hw_status status = HW_OK;
+    // Lit like any face that looks up.
+    float light = hw_light(hw_v3(0, 0, 1));
+    for (int i = 0; i < 3; i++)
+        out->color[i] = ground->color[i] * light;
+    hw_box r = ground->rect;
+    float z = r.min.z;
+    const float corners[4][3] = {
+        {r.min.x, r.min.y, z}, {r.max.x, r.min.y, z}, {r.min.x, r.max.y, z}, {r.max.x, r.max.y, z}};
+    HW_GO(hw_gpu_program("ground", NULL, hw_shader_ground_vert, hw_shader_ground_frag,
+                         &out->program));
+    out->clip_location = glGetUniformLocation(out->program, "u_clip");
+    out->color_location = glGetUniformLocation(out->program, "u_color");
+    glGenVertexArrays(1, &out->array);
+    glBindVertexArray(out->array);
+    HW_GO(hw_gpu_buffer_create(account, GL_ARRAY_BUFFER, corners, sizeof corners, GL_STATIC_DRAW,
+                               &out->vertices));
+    glEnableVertexAttribArray(0);
+    glVertexAttribPointer(0, 3, GL_FLOAT, GL_FALSE, 0, hw_gpu_offset(0));
+out:
+    if (status != HW_OK)
+        hw_ground_gl_destroy(account, out);
+    return status;
+}
+
+void hw_ground_gl_destroy(hw_gpu_account *account, hw_ground_gl *ground)
+{
+    hw_gpu_buffer_destroy(account, &ground->vertices);
+    if (ground->array)
+        glDeleteVertexArrays(1, &ground->array);
+    if (ground->program)
+        glDeleteProgram(ground->program);
+    *ground = (hw_ground_gl){0};
+}
+
+void hw_ground_gl_begin(void)
+{
+    glEnable(GL_DEPTH_TEST);
+    glDepthFunc(GL_LESS);
+    glDepthMask(GL_TRUE);
+    glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+    glEnable(GL_CULL_FACE);
+    glCullFace(GL_BACK);
+    glFrontFace(GL_CCW);
+    glDisable(GL_BLEND);
+    glDisable(GL_SCISSOR_TEST);
+    glDisable(GL_DITHER);
+    glClearColor(HW_SKY_R, HW_SKY_G, HW_SKY_B, 0);
+    glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
+}
+
+void hw_ground_gl_draw(const hw_ground_gl *ground, const hw_mat4 *view_projection,
+                       hw_frame_stats *stats)
+{
+    if (!ground->present)
+        return;
+    float clip[16];
+    hw_mat4_to_float(view_projection, clip);
+    glUseProgram(ground->program);
+    glUniformMatrix4fv(ground->clip_location, 1, GL_FALSE, clip);
+    glUniform3fv(ground->color_location, 1, ground->color);
+    glBindVertexArray(ground->array);
+    glDrawArrays(GL_TRIANGLE_STRIP, 0, 4);
+    stats->triangles += 2;
+    stats->draws++;
+}

@@ -1,0 +1,272 @@
+#include "hud.h"
+#include "alloc.h"
+#include "gpu.h"
+#include "shaders.h"
+#include <stdio.h>
+#include <string.h>
+
+// The font is made of quads, so it needs no texture and no file. (This is the only file that
+// includes it.)
+#include <stb/stb_easy_font.h>
+
+#define QUADS_MAX   8192u // 4 vertices each: indices stay within 16 bits
+#define TEXT_MAX    1024u
+#define LINE_HEIGHT 12 // of the font, in its own pixels; glyphs are at most 9 high
+#define PADDING     4
+
+// As stb_easy_font writes them.
+typedef struct hud_vertex {
+    float x, y, z;
+    uint8_t color[4];
+} hud_vertex;
+_Static_assert(sizeof(hud_vertex) == 16, "stb_easy_font writes 16 bytes a vertex");
+
+struct hw_hud {
+    hw_gpu_account account;
+    hw_gpu_buffer vertices, indices;
+    GLuint program, array;
+    GLint size_location;
+    uint32_t quad_count;
+    hud_vertex quads[QUADS_MAX * 4];
+    char text[TEXT_MAX];
+};
+
+typedef struct help_row {
+    const char *keys, *meaning;
+} help_row;
+
+// What context_glfw.c binds.
+static const help_row help_rows[] = {
+    {"W A S D", "walk; also the arrows up and down"},
+    {"Left, Right", "turn"},
+    {"Mouse", "look around, after a click into the window"},
+    {"Shift", "run"},
+    {"Q, E", "down, up"},
+    {"1 2 3 4", "configuration A full geometry, B with culling,"},
+    {"", "L levels of detail, C the hybrid"},
+    {"Space", "stop the tour, or go on with it"},
+    {"R", "start or end recording a tour"},
+    {"F12", "save a screenshot"},
+    {"H", "hide or show the line of figures"},
+    {"F1", "hide or show this help"},
+    {"Escape", "release the mouse, then quit; also Ctrl-Q"},
+};
+#define HELP_ROWS (sizeof help_rows / sizeof *help_rows)
+
+// ---- The line
+
+// 1234567 -> "1,234,567".
+static void group_thousands(uint64_t value, char out[32])
+{
+    char digits[24];
+    int length = snprintf(digits, sizeof digits, "%llu", (unsigned long long)value);
+    int n = 0;
+    for (int i = 0; i < length; i++) {
+        if (i > 0 && (length - i) % 3 == 0)
+            out[n++] = ',';
+        out[n++] = digits[i];
+    }
+    out[n] = '\0';
+}
+
+size_t hw_hud_format(const hw_hud_info *info, char *out, size_t capacity)
+{
+    char triangles[32], pace[96] = "", recorded[48] = "";
+    group_thousands(info->triangles, triangles);
+    if (info->fps > 0)
+        snprintf(pace, sizeof pace, "   %.0f fps   %.1f ms (worst %.1f)", info->fps, info->frame_ms,
+                 info->worst_ms);
+    if (info->recorded_s >= 0)
+        snprintf(recorded, sizeof recorded, "   REC %.1f s", info->recorded_s);
+    int length = snprintf(out, capacity, "%s%s   cell %d,%d   %s triangles, %u draws   %.1f MB%s",
+                          info->config, pace, info->cell_q, info->cell_r, triangles, info->draws,
+                          (double)info->gpu_bytes / 1e6, recorded);
+    if (length < 0)
+        length = 0;
+    return (size_t)length < capacity ? (size_t)length : capacity - 1;
+}
+
+// ---- Layout, in pixels of the window
+
+static void add_rectangle(hw_hud *hud, float x0, float y0, float x1, float y1, uint8_t alpha)
+{
+    if (hud->quad_count == QUADS_MAX)
+        return;
+    hud_vertex *v = &hud->quads[4 * hud->quad_count++];
+    const float xs[4] = {x0, x1, x1, x0}, ys[4] = {y0, y0, y1, y1};
+    for (int i = 0; i < 4; i++)
+        v[i] = (hud_vertex){xs[i], ys[i], 0, {16, 20, 28, alpha}};
+}
+
+// A copy of the text that the font can show: printable ASCII, one line, no wider than `width` of
+// the font's pixels. Returns its own width.
+static int fit_text(hw_hud *hud, const char *text, int width)
+{
+    size_t n = 0;
+    for (; text[n] && n < TEXT_MAX - 1; n++)
+        hud->text[n] = text[n] >= 32 && text[n] < 127 ? text[n] : '?';
+    hud->text[n] = '\0';
+    int measured = stb_easy_font_width(hud->text);
+    while (n > 0 && measured > width) {
+        hud->text[--n] = '\0';
+        measured = stb_easy_font_width(hud->text);
+    }
+    return measured;
+}
+
+// The text in hud->text, with its upper left corner at (x, y).
+static void add_text(hw_hud *hud, float x, float y, float scale, const uint8_t color[4])
+{
+    hud_vertex *first = &hud->quads[4 * hud->quad_count];
+    int room = (int)(QUADS_MAX - hud->quad_count) * 4 * (int)sizeof(hud_vertex);
+    uint8_t rgba[4];
+    memcpy(rgba, color, 4);
+    int count = stb_easy_font_print(0, 0, hud->text, rgba, first, room);
+    for (int i = 0; i < 4 * count; i++) {
+        first[i].x = x + scale * first[i].x;
+        first[i].y = y + scale * first[i].y;
+    }
+    hud->quad_count += (uint32_t)count;
+}
+
+static const uint8_t white[4] = {255, 255, 255, 255};
+static const uint8_t amber[4] = {255, 214, 130, 255};
+
+// One line of text on a dark panel; y is the panel's top.
+static void add_line(hw_hud *hud, const char *text, float y, float scale, uint32_t width,
+                     const uint8_t color[4])
+{
+    int room = (int)((float)width / scale) - 2 * PADDING;
+    float length = scale * (float)fit_text(hud, text, room);
+    add_rectangle(hud, 0, y, length + 2 * PADDING * scale, y + scale * (LINE_HEIGHT + PADDING),
+                  150);
+    add_text(hud, PADDING * scale, y + PADDING * scale, scale, color);
+}
+
+static void add_help(hw_hud *hud, uint32_t width, uint32_t height, float scale)
+{
+    const float columns[2] = {0, 80}, panel_width = 350;
+    float w = scale * (panel_width + 2 * PADDING);
+    float h = scale * (LINE_HEIGHT * HELP_ROWS + 2 * PADDING);
+    float x = floorf(((float)width - w) / 2), y = floorf(((float)height - h) / 2);
+    add_rectangle(hud, x, y, x + w, y + h, 200);
+    for (size_t row = 0; row < HELP_ROWS; row++) {
+        const char *cells[2] = {help_rows[row].keys, help_rows[row].meaning};
+        for (int k = 0; k < 2; k++) {
+            fit_text(hud, cells[k], (int)(panel_width - columns[k]));
+            add_text(hud, x + scale * (PADDING + columns[k]),
+                     y + scale * (float)(PADDING + 1 + LINE_HEIGHT * row), scale,
+                     k == 0 ? amber : white);
+        }
+    }
+}
+
+// ---- Drawing
+
+static hw_status make_buffers(hw_hud *hud)
+{
+    uint16_t *indices = NULL;
+    HW_TRY(HW_NEW(&indices, QUADS_MAX * 6));
+    static const uint16_t corners[6] = {0, 1, 2, 0, 2, 3};
+    for (uint32_t i = 0; i < QUADS_MAX * 6; i++)
+        indices[i] = (uint16_t)(i / 6 * 4 + corners[i % 6]);
+    glGenVertexArrays(1, &hud->array);
+    glBindVertexArray(hud->array);
+    hw_status status =
+        hw_gpu_buffer_create(&hud->account, GL_ELEMENT_ARRAY_BUFFER, indices,
+                             QUADS_MAX * 6 * sizeof *indices, GL_STATIC_DRAW, &hud->indices);
+    hw_free(indices);
+    HW_TRY(status);
+    HW_TRY(hw_gpu_buffer_create(&hud->account, GL_ARRAY_BUFFER, NULL, sizeof hud->quads,
+                                GL_STREAM_DRAW, &hud->vertices));
+    glEnableVertexAttribArray(0);
+    glVertexAttribPointer(0, 2, GL_FLOAT, GL_FALSE, sizeof(hud_vertex),
+                          hw_gpu_offset(offsetof(hud_vertex, x)));
+    glEnableVertexAttribArray(1);
+    glVertexAttribPointer(1, 4, GL_UNSIGNED_BYTE, GL_TRUE, sizeof(hud_vertex),
+                          hw_gpu_offset(offsetof(hud_vertex, color)));
+    glBindVertexArray(0);
+    glBindBuffer(GL_ARRAY_BUFFER, 0);
+    return hw_gpu_check("HUD");
+}
+
+hw_status hw_hud_create(hw_hud **out)
+{
+    hw_status status = HW_OK;
+    hw_hud *hud = NULL;
+    *out = NULL;
+    HW_GO(HW_NEW(&hud, 1));
+    HW_GO(hw_gpu_program("hud", NULL, hw_shader_hud_vert, hw_shader_hud_frag, &hud->program));
+    hud->size_location = glGetUniformLocation(hud->program, "u_size");
+    HW_GO(make_buffers(hud));
+    *out = hud;
+    hud = NULL;
+out:
+    hw_hud_destroy(hud);
+    return status;
+}
+
+void hw_hud_destroy(hw_hud *hud)
+{
+    if (!hud)
+        return;
+    hw_gpu_buffer_destroy(&hud->account, &hud->vertices);
+    hw_gpu_buffer_destroy(&hud->account, &hud->indices);
+    glDeleteVertexArrays(1, &hud->array);
+    glDeleteProgram(hud->program);
+    hw_free(hud);
+}
+
+static void set_enabled(GLenum capability, bool on)
+{
+    (on ? glEnable : glDisable)(capability);
+}
+
+static void draw_quads(hw_hud *hud, uint32_t width, uint32_t height)
+{
+    static const GLenum capabilities[3] = {GL_DEPTH_TEST, GL_CULL_FACE, GL_BLEND};
+    bool were_on[3];
+    for (int i = 0; i < 3; i++) {
+        were_on[i] = glIsEnabled(capabilities[i]);
+        set_enabled(capabilities[i], capabilities[i] == GL_BLEND);
+    }
+    // The picture's alpha tells objects from sky; it stays as it is.
+    glBlendFuncSeparate(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA, GL_ZERO, GL_ONE);
+    glBindBuffer(GL_ARRAY_BUFFER, hud->vertices.name);
+    // A new store each time: the driver need not wait for the frame before.
+    glBufferData(GL_ARRAY_BUFFER, sizeof hud->quads, NULL, GL_STREAM_DRAW);
+    glBufferSubData(GL_ARRAY_BUFFER, 0, (GLsizeiptr)(hud->quad_count * 4 * sizeof(hud_vertex)),
+                    hud->quads);
+    glUseProgram(hud->program);
+    glUniform2f(hud->size_location, (float)width, (float)height);
+    glBindVertexArray(hud->array);
+    glDrawElements(GL_TRIANGLES, (GLsizei)hud->quad_count * 6, GL_UNSIGNED_SHORT, NULL);
+    glBindVertexArray(0);
+    glUseProgram(0);
+    glBindBuffer(GL_ARRAY_BUFFER, 0);
+    for (int i = 0; i < 3; i++)
+        set_enabled(capabilities[i], were_on[i]);
+}
+
+void hw_hud_draw(hw_hud *hud, uint32_t width, uint32_t height, const hw_hud_content *content)
+{
+    // Whole multiples keep the font's pixels even.
+    float scale = height >= 1600 ? 3.0f : height >= 600 && width >= 760 ? 2.0f : 1.0f;
+    float line = scale * (LINE_HEIGHT + PADDING);
+    hud->quad_count = 0;
+    if (content->line)
+        add_line(hud, content->line, 0, scale, width, white);
+    if (content->message)
+        add_line(hud, content->message, (float)height - line, scale, width, amber);
+    if (content->help)
+        add_help(hud, width, height, scale);
+    if (hud->quad_count > 0)
+        draw_quads(hud, width, height);
+}
+
+void hw_hud_blank(hw_hud *hud)
+{
+    (void)hud;
+    glClearColor(0.16f, 0.19f, 0.23f, 0);
+    glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
+}

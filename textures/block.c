@@ -1,0 +1,85 @@
+#include "block.h"
+#include <assert.h>
+#include <string.h>
+
+// stb_dxt 1.12: constant tables only, no global initialisation, so that any thread may encode.
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wconversion"
+#pragma GCC diagnostic ignored "-Wcast-qual"
+#pragma GCC diagnostic ignored "-Wshadow"
+#pragma GCC diagnostic ignored "-Wunused-function"
+#pragma GCC diagnostic ignored "-Wundef"
+#define STB_DXT_IMPLEMENTATION
+#define STB_DXT_STATIC
+#include <stb/stb_dxt.h>
+#pragma GCC diagnostic pop
+
+#define BLOCK_BYTES 8u
+
+size_t hw_bc1_bytes(uint32_t width, uint32_t height)
+{
+    return (size_t)(width / 4) * (height / 4) * BLOCK_BYTES;
+}
+
+static void gather_block(const hw_image *image, uint32_t x, uint32_t y, uint8_t rgba[64])
+{
+    for (uint32_t i = 0; i < 16; i++) {
+        size_t pixel = (size_t)(y + i / 4) * image->width + x + i % 4;
+        memcpy(rgba + (size_t)i * 4, image->data + pixel * image->channels, 3);
+        rgba[i * 4 + 3] = 255;
+    }
+}
+
+void hw_bc1_encode(const hw_image *image, uint8_t *out)
+{
+    assert(image->channels >= 3 && image->width % 4 == 0 && image->height % 4 == 0);
+    uint8_t rgba[64];
+    for (uint32_t y = 0; y < image->height; y += 4) {
+        for (uint32_t x = 0; x < image->width; x += 4) {
+            gather_block(image, x, y, rgba);
+            stb_compress_dxt_block(out, rgba, 0, STB_DXT_HIGHQUAL);
+            out += BLOCK_BYTES;
+        }
+    }
+}
+
+// 5:6:5 to 8 bits a channel by repeating the high bits.
+static void expand_565(uint32_t c, uint8_t rgb[3])
+{
+    uint32_t r = c >> 11 & 31, g = c >> 5 & 63, b = c & 31;
+    rgb[0] = (uint8_t)(r << 3 | r >> 2);
+    rgb[1] = (uint8_t)(g << 2 | g >> 4);
+    rgb[2] = (uint8_t)(b << 3 | b >> 2);
+}
+
+// The four colours of a block (EXT_texture_compression_s3tc): c0 > c1 gives two thirds in between,
+// else one half and black. Divisions of the 8-bit values truncate, as in Mesa's and Microsoft's
+// reference decoders.
+static void block_palette(const uint8_t *block, uint8_t palette[4][3])
+{
+    uint32_t c0 = block[0] | (uint32_t)block[1] << 8, c1 = block[2] | (uint32_t)block[3] << 8;
+    expand_565(c0, palette[0]);
+    expand_565(c1, palette[1]);
+    for (int k = 0; k < 3; k++) {
+        uint32_t a = palette[0][k], b = palette[1][k];
+        palette[2][k] = (uint8_t)(c0 > c1 ? (2 * a + b) / 3 : (a + b) / 2);
+        palette[3][k] = (uint8_t)(c0 > c1 ? (a + 2 * b) / 3 : 0);
+    }
+}
+
+void hw_bc1_decode(const uint8_t *blocks, uint32_t width, uint32_t height, uint8_t *rgba)
+{
+    assert(width % 4 == 0 && height % 4 == 0);
+    for (uint32_t y = 0; y < height; y += 4) {
+        for (uint32_t x = 0; x < width; x += 4, blocks += BLOCK_BYTES) {
+            uint8_t palette[4][3];
+            block_palette(blocks, palette);
+            for (uint32_t i = 0; i < 16; i++) {
+                uint32_t code = blocks[4 + i / 4] >> (i % 4 * 2) & 3;
+                uint8_t *p = rgba + ((size_t)(y + i / 4) * width + x + i % 4) * 4;
+                memcpy(p, palette[code], 3);
+                p[3] = 255;
+            }
+        }
+    }
+}

@@ -1,0 +1,171 @@
+#include "build.h"
+#include "json.h"
+#include "log.h"
+#include "options.h"
+#include "system.h"
+#include <signal.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const char *output, *json_file, *policy = "screen", *shard, *heights = "8:16";
+static uint64_t threads, levels = 1, texture_side = 1024;
+static double cell_size = 50, self_occlusion, edge_length = 4.5, near_error = 0.3, outline_error = 0.05, interior_error = 2;
+static atomic_bool stop;
+
+static uint32_t options(hw_option *out, uint32_t capacity)
+{
+    const hw_option table[] = {
+        {"output", 'o', HW_OPTION_STRING, &output, "DATASET", NULL, 0, 0, "folder to write (an unfinished build in it is continued)"},
+        {"cell-size", 0, HW_OPTION_DOUBLE, &cell_size, "UNITS", NULL, 1e-3, 1e6, "side length of the hexagonal cells"},
+        {"heights", 0, HW_OPTION_STRING, &heights, "MIN:MAX", NULL, 0, 0, "heights above the ground at which eyes may be"},
+        {"policy", 0, HW_OPTION_CHOICE, &policy, "NAME", "screen|thesis", 0, 0, "how far objects are simplified"},
+        {"self-occlusion", 0, HW_OPTION_DOUBLE, &self_occlusion, "PX", NULL, 0, 1e6,
+         "T_s, largest self-occluding error of a textured stand-in; 0 means 40 with the policy screen, 5 with thesis"},
+        {"edge-length", 0, HW_OPTION_DOUBLE, &edge_length, "PX", NULL, 0, 1e6, "T_l of the policy thesis"},
+        {"outline-error", 0, HW_OPTION_DOUBLE, &outline_error, "PX", NULL, 1e-4, 100, "mean outline deviation of far objects (policy screen)"},
+        {"interior-error", 0, HW_OPTION_DOUBLE, &interior_error, "PX", NULL, 0, 100, "parallax error inside outlines (policy screen)"},
+        {"near-error", 0, HW_OPTION_DOUBLE, &near_error, "PX", NULL, 0, 100, "largest surface error of near objects"},
+        {"texture-side", 0, HW_OPTION_UINT, &texture_side, "TEXELS", NULL, 16, 4096, "objects with larger captures are near"},
+        {"levels", 0, HW_OPTION_UINT, &levels, "N", NULL, 1, 1, "levels of the cell hierarchy"},
+        {"threads", 0, HW_OPTION_UINT, &threads, "N", NULL, 0, 1024, "threads; 0 means one per processor"},
+        {"shard", 0, HW_OPTION_STRING, &shard, "K/N", NULL, 0, 0, "make only every N-th cell, beginning with the K-th (K from 1)"},
+        {"json", 0, HW_OPTION_STRING, &json_file, "FILE", NULL, 0, 0, "write the figures as JSON"},
+    };
+    uint32_t count = sizeof table / sizeof *table;
+    memcpy(out, table, (count < capacity ? count : capacity) * sizeof *table);
+    return count;
+}
+
+// "A<separator>B" as two finite numbers.
+static bool parse_pair(const char *text, char separator, double *a, double *b)
+{
+    char *end;
+    *a = strtod(text, &end);
+    if (end == text || *end != separator)
+        return false;
+    const char *second = end + 1;
+    *b = strtod(second, &end);
+    return end != second && *end == 0 && *a > -1e9 && *a < 1e9 && *b > -1e9 && *b < 1e9;
+}
+
+static hw_status read_options(const char *scene, hw_build_options *o)
+{
+    *o = hw_build_defaults();
+    o->scene_path = scene;
+    o->dataset = output;
+    if (!output)
+        return hw_fail(HW_USAGE, "build needs -o DATASET");
+    if (!parse_pair(heights, ':', &o->z_min, &o->z_max) || o->z_min > o->z_max)
+        return hw_fail(HW_USAGE, "--heights wants MIN:MAX with MIN <= MAX, not '%s'", heights);
+    if (shard) {
+        double k, n;
+        if (!parse_pair(shard, '/', &k, &n) || k < 1 || k > n || n > 1e6 || k != (uint32_t)k || n != (uint32_t)n)
+            return hw_fail(HW_USAGE, "--shard wants K/N with 1 <= K <= N, not '%s'", shard);
+        o->shard_index = (uint32_t)k - 1;
+        o->shard_count = (uint32_t)n;
+    }
+    o->cell_size = cell_size;
+    o->near_error_px = near_error;
+    o->threads = (uint32_t)threads;
+    o->far.policy = hw_policy_find(policy);
+    o->far.edge_length_px = edge_length;
+    o->far.outline_px = outline_error;
+    o->far.interior_px = interior_error;
+    o->far.capture_side_max = (uint32_t)texture_side;
+    if (self_occlusion > 0)
+        o->far.self_occlusion_px = self_occlusion;
+    else if (o->far.policy == &hw_policy_thesis)
+        o->far.self_occlusion_px = 5;
+    o->stop = &stop;
+    return HW_OK;
+}
+
+static void on_signal(int number)
+{
+    (void)number;
+    atomic_store(&stop, true);
+}
+
+static void print_report(const hw_build_report *r)
+{
+    printf("cells      %u made, %u kept, %u in all\n", r->cells_made, r->cells_kept, r->cells_total);
+    if (r->cells_made > 0)
+        printf("per cell   %.0f far objects, %.0f triangles; %.1f near objects\n", r->far_records_mean, r->far_triangles_mean,
+               r->near_records_mean);
+    printf("bytes      %.1f MB: %.1f meshes, %.1f textures, %.1f near objects\n", (double)r->bytes / 1e6,
+           (double)r->mesh_bytes / 1e6, (double)r->texture_bytes / 1e6, (double)r->near_bytes / 1e6);
+    printf("seconds    %.1f: import %.1f, levels of detail %.1f, near meshes %.1f, cells %.1f\n", r->total_seconds,
+           r->import_seconds, r->chain_seconds, r->mesh_seconds, r->cell_seconds);
+    printf("memory     %.0f MB at the peak\n", (double)hw_rss_peak_bytes() / 1e6);
+    if (r->cells_missing > 0)
+        printf("unfinished %u cells are left to other shards; run any shard again once all are done\n", r->cells_missing);
+}
+
+static hw_status write_json(const hw_build_report *r, const cJSON *used)
+{
+    cJSON *json = cJSON_CreateObject();
+    const struct {
+        const char *key;
+        double value;
+    } figures[] = {
+        {"import_seconds", r->import_seconds},
+        {"chain_seconds", r->chain_seconds},
+        {"mesh_seconds", r->mesh_seconds},
+        {"cell_seconds", r->cell_seconds},
+        {"total_seconds", r->total_seconds},
+        {"cells_total", r->cells_total},
+        {"cells_made", r->cells_made},
+        {"cells_kept", r->cells_kept},
+        {"cells_missing", r->cells_missing},
+        {"bytes", (double)r->bytes},
+        {"mesh_bytes", (double)r->mesh_bytes},
+        {"texture_bytes", (double)r->texture_bytes},
+        {"near_bytes", (double)r->near_bytes},
+        {"far_records_mean", r->far_records_mean},
+        {"far_triangles_mean", r->far_triangles_mean},
+        {"near_records_mean", r->near_records_mean},
+        {"rss_bytes_peak", (double)hw_rss_peak_bytes()},
+    };
+    for (size_t i = 0; i < sizeof figures / sizeof *figures; i++)
+        hw_json_add_number(json, figures[i].key, figures[i].value);
+    cJSON_AddItemToObject(json, "options", cJSON_Duplicate(used, true));
+    hw_status status = hw_json_write(json_file, json);
+    cJSON_Delete(json);
+    return status;
+}
+
+static hw_status run(int argc, const char *const *argv)
+{
+    (void)argc;
+    hw_build_options o;
+    hw_build_report report;
+    HW_TRY(read_options(argv[0], &o));
+    struct sigaction action = {.sa_handler = on_signal};
+    sigaction(SIGINT, &action, NULL);
+    sigaction(SIGTERM, &action, NULL);
+    hw_status status = hw_build_run(&o, &report);
+    if (status == HW_INTERRUPTED)
+        return hw_fail(HW_INTERRUPTED, "%s: interrupted; the same command goes on where it stopped", output);
+    HW_TRY(status);
+    print_report(&report);
+    if (!json_file)
+        return HW_OK;
+    cJSON *used = hw_options_json(&hw_cmd_build);
+    status = write_json(&report, used);
+    cJSON_Delete(used);
+    return status;
+}
+
+const hw_command hw_cmd_build = {
+    .name = "build",
+    .summary = "precompute a scene into a dataset of view cells",
+    .arguments = "SCENE -o DATASET",
+    .description = "Cuts the view space into hexagonal cells and stores, for each, a textured mesh of every far object as it looks from "
+                   "there, and which near objects are to be drawn as geometry. A build that was interrupted, by Ctrl-C or otherwise, "
+                   "goes on where it stopped when the same command is given again. The same scene and options give the same bytes with "
+                   "any number of threads and any split into shards.",
+    .options = options,
+    .positional_min = 1,
+    .positional_max = 1,
+    .run = run,
+};
