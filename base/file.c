@@ -280,7 +280,7 @@ static hw_status sync_folder(const hw_writer *w)
     // Some file systems cannot sync folders (EINVAL), some folders may be entered but not read: the
     // file is in place then, only less sure to survive a power cut.
     bool bad = injected() || (fd >= 0 && fsync(fd) != 0 && errno != EINVAL);
-    hw_status status = bad ? fail_output(folder, "sync") : HW_OK;
+    hw_status status = bad ? fail_output(w->path, "sync its folder") : HW_OK;
     close_fd(&fd);
     hw_free(folder);
     return status;
@@ -337,10 +337,14 @@ hw_status hw_file_write(const char *path, const void *data, size_t size)
     return status;
 }
 
+// Leaves errno as it is.
 static bool is_folder(const char *path)
 {
     struct stat info;
-    return stat(path, &info) == 0 && S_ISDIR(info.st_mode);
+    int error = errno;
+    bool folder = stat(path, &info) == 0 && S_ISDIR(info.st_mode);
+    errno = error;
+    return folder;
 }
 
 hw_status hw_dir_make(const char *path)
@@ -354,10 +358,10 @@ hw_status hw_dir_make(const char *path)
             continue;
         char end = part[i];
         part[i] = 0;
-        if (mkdir(part, 0777) != 0 && (errno != EEXIST || !is_folder(part)))
-            // A parent that may not be written but exists is fine: EROFS or EACCES come first.
-            if (!is_folder(part))
-                status = fail_output(part, "make the folder");
+        // A parent that may not be written but exists is fine: EROFS or EACCES come before EEXIST.
+        if (mkdir(part, 0777) != 0 && !is_folder(part))
+            status = errno == EEXIST ? hw_fail(HW_IO, "%s: is a file, not a folder", part)
+                                     : fail_output(part, "make the folder");
         part[i] = end;
     }
     if (length == 0)

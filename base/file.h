@@ -6,7 +6,8 @@
 #include <stdint.h>
 
 // Reads a whole regular file. *data is 0-terminated beyond *size and freed with hw_free. Files over
-// `limit` bytes (0: 16 GiB) give HW_LIMIT. A directory or device is HW_IO.
+// `limit` bytes (0: 16 GiB) give HW_LIMIT. A missing file is HW_NOT_FOUND, a directory or device
+// HW_IO.
 HW_MUST_USE hw_status hw_file_read(const char *path, uint64_t limit, uint8_t **data, size_t *size);
 
 // Ranged reads of an open file.
@@ -19,8 +20,10 @@ HW_MUST_USE hw_status hw_reader_at(const hw_reader *reader, uint64_t offset, voi
                                    size_t size);
 void hw_reader_close(hw_reader *reader);
 
-// Writes `path` atomically: a temporary name in the same folder, fsync, rename, fsync of the
-// folder. On failure the old file is untouched and the temporary one is removed.
+// Writes `path` atomically: a temporary name in the same folder ("<path>.<process>.<n>.tmp"),
+// fsync, rename, fsync of the folder. On failure (HW_IO) the old file is untouched and the
+// temporary one is removed; only if the folder's sync fails is the new file already in place,
+// whole. Links are followed, permissions kept; devices and pipes are written directly.
 HW_MUST_USE hw_status hw_file_write(const char *path, const void *data, size_t size);
 
 // The same for streamed output.
@@ -35,7 +38,7 @@ void hw_writer_abort(hw_writer *writer);
 // mkdir -p.
 HW_MUST_USE hw_status hw_dir_make(const char *path);
 // Removes leftovers "*.tmp" of killed writers in a folder (not recursive); a missing folder is
-// fine.
+// fine. Those of living writers, also in other processes, are left alone.
 HW_MUST_USE hw_status hw_dir_clean_temporary(const char *path);
 bool hw_path_exists(const char *path);
 // dir + "/" + name into a new string (absolute `name` is returned as it is). Free with hw_free.

@@ -255,7 +255,7 @@ static hw_status get_u32(const char *name, const cJSON *json, const char *key, u
     return HW_OK;
 }
 
-// Finite as a double may be infinite as a float: validation looks at the result.
+// Numbers beyond a float's range become its largest.
 static hw_status get_floats(const char *name, const cJSON *json, const char *key, float *out,
                             size_t count)
 {

@@ -52,7 +52,7 @@ static hw_status make_collapser(const hw_mesh *mesh, hw_collapser **out)
         positions[v][1] = mesh->positions[v].y;
         positions[v][2] = mesh->positions[v].z;
     }
-    HW_GO(hw_collapser_create((const double(*)[3])positions, mesh->vertex_count, indices, mesh->index_count / 3, NULL, out));
+    HW_GO(hw_collapser_create((const double(*)[3])positions, mesh->vertex_count, indices, mesh->index_count / 3, NULL, HW_COMPLEX_SPLIT, out));
 out:
     hw_free(weld);
     hw_free(indices);
@@ -117,12 +117,12 @@ static hw_status finish_level(void *context, uint64_t index, uint32_t thread)
             level->colors[v] = color_at(m->original, &at);
     }
     HW_TRY(hw_mesh_compute_normals(level));
-    hw_surface_error surface;
-    double outline;
+    hw_deviation surface;
+    float outline;
     HW_TRY(hw_surface_deviation(m->rays, m->original, level, DEVIATION_SAMPLES, l, &surface));
     HW_TRY(hw_outline_deviation(m->outline, level, &outline));
-    *info = (hw_mesh_level_info){level->vertex_count, level->index_count, (float)surface.rms, (float)surface.max,
-                                 (float)outline};
+    *info = (hw_mesh_level_info){level->vertex_count, level->index_count, surface.rms, surface.p99,
+                                 outline};
     return HW_OK;
 }
 
@@ -130,9 +130,13 @@ static hw_status collapse_levels(maker *m)
 {
     hw_status status;
     hw_collapser *c = NULL;
+    float *importance = NULL;
     hw_chain *chain = m->chain;
     HW_GO(make_collapser(m->original, &c));
-    hw_metric metric = hw_metric_quadric(m->importance);
+    HW_GO(HW_NEW(&importance, c->vertex_count));
+    for (uint32_t v = 0; v < c->vertex_count; v++)
+        importance[v] = m->importance[c->source[v]];
+    hw_metric metric = hw_metric_quadric(importance);
     double faces = c->live_faces;
     while (chain->level_count < HW_MESH_LEVELS_MAX && faces * LEVEL_STEP >= m->options.face_floor) {
         faces *= LEVEL_STEP;
@@ -145,6 +149,7 @@ static hw_status collapse_levels(maker *m)
         chain->level_count++;
     }
 out:
+    hw_free(importance);
     hw_collapser_destroy(c);
     return status;
 }

@@ -1,6 +1,7 @@
 #include "deviation.h"
 #include "alloc.h"
 #include "rng.h"
+#include <stdlib.h>
 #include <string.h>
 
 #define DEFAULT_SAMPLES    10000
@@ -22,7 +23,31 @@ static double triangle_area(const hw_mesh *mesh, uint32_t triangle)
 typedef struct side {
     double sum, sum_squares, max;
     uint64_t count;
+    float *distances; // of the sample points
 } side;
+
+static int by_value(const void *x, const void *y)
+{
+    float a = *(const float *)x, b = *(const float *)y;
+    return a < b ? -1 : a > b;
+}
+
+// The distance that 99 in 100 samples stay within.
+static float percentile_99(side *s)
+{
+    if (s->count == 0)
+        return 0;
+    qsort(s->distances, s->count, sizeof *s->distances, by_value);
+    return s->distances[(s->count - 1) * 99 / 100];
+}
+
+static void add_sample(side *s, double d)
+{
+    s->sum += d;
+    s->sum_squares += d * d;
+    s->max = fmax(s->max, d);
+    s->distances[s->count++] = (float)d;
+}
 
 static hw_vec3 random_point(const hw_mesh *mesh, uint32_t triangle, hw_rng *rng)
 {
@@ -34,9 +59,10 @@ static hw_vec3 random_point(const hw_mesh *mesh, uint32_t triangle, hw_rng *rng)
 }
 
 // Points of `from` against the mesh of `rays`.
-static void measure_side(const hw_mesh *from, const hw_rays *rays, uint32_t samples, uint32_t seed,
-                         side *out)
+static hw_status measure_side(const hw_mesh *from, const hw_rays *rays, uint32_t samples,
+                              uint32_t seed, side *out)
 {
+    HW_TRY(HW_NEW(&out->distances, (size_t)samples + from->index_count));
     hw_rng rng = hw_rng_make(seed, 1);
     uint32_t triangles = from->index_count / 3;
     double area = 0;
@@ -50,22 +76,18 @@ static void measure_side(const hw_mesh *from, const hw_rays *rays, uint32_t samp
         while (passed <= place && triangle + 1 < triangles)
             passed += triangle_area(from, ++triangle);
         double d = hw_rays_closest(rays, random_point(from, triangle, &rng), INFINITY).distance;
-        out->sum += d;
-        out->sum_squares += d * d;
-        out->max = fmax(out->max, d);
-        out->count++;
+        add_sample(out, d);
     }
     uint32_t step = from->index_count / samples + 1; // corners, so only vertices in use
     for (uint32_t i = 0; i < from->index_count; i += step) {
         hw_vec3 p = from->positions[from->indices[i]];
         double d = hw_rays_closest(rays, p, INFINITY).distance;
-        out->max = fmax(out->max, d);
         if (area > 0)
-            continue;
-        out->sum += d;
-        out->sum_squares += d * d;
-        out->count++;
+            out->max = fmax(out->max, d);
+        else
+            add_sample(out, d);
     }
+    return HW_OK;
 }
 
 hw_status hw_surface_deviation(const hw_rays *original_rays, const hw_mesh *original,
@@ -75,22 +97,26 @@ hw_status hw_surface_deviation(const hw_rays *original_rays, const hw_mesh *orig
     hw_status status = HW_OK;
     hw_rays *level_rays = NULL;
     *out = (hw_deviation){0};
+    side sides[2];
+    memset(sides, 0, sizeof sides);
     if (original->index_count == 0 || level->index_count == 0)
         return hw_fail(HW_USAGE, "%s: no triangle to measure",
                        original->name ? original->name : "a mesh");
     if (samples == 0)
         samples = DEFAULT_SAMPLES;
     HW_GO(hw_rays_create_mesh(&level_rays, level));
-    side sides[2] = {{0, 0, 0, 0}, {0, 0, 0, 0}};
-    measure_side(level, original_rays, samples, seed, &sides[0]);
-    measure_side(original, level_rays, samples, seed + 1, &sides[1]);
+    HW_GO(measure_side(level, original_rays, samples, seed, &sides[0]));
+    HW_GO(measure_side(original, level_rays, samples, seed + 1, &sides[1]));
     for (int i = 0; i < 2; i++) {
         double n = (double)sides[i].count;
         out->rms = fmaxf(out->rms, (float)sqrt(sides[i].sum_squares / n));
         out->mean = fmaxf(out->mean, (float)(sides[i].sum / n));
         out->max = fmaxf(out->max, (float)sides[i].max);
+        out->p99 = fmaxf(out->p99, percentile_99(&sides[i]));
     }
 out:
+    hw_free(sides[0].distances);
+    hw_free(sides[1].distances);
     hw_rays_destroy(level_rays);
     return status;
 }
@@ -214,8 +240,8 @@ static double border_length(const uint64_t *bits, uint32_t resolution)
     return HW_PI / 8 * ((double)(across + up) + (double)diagonal / sqrt(2.0));
 }
 
-// Places the view's raster around the mesh; false if it has no extent there.
-static bool fit_view(outline_view *view, uint32_t resolution, const hw_mesh *mesh)
+// Places the raster of view `index` around the mesh; false if it has no extent there.
+static bool fit_view(outline_view *view, uint32_t index, uint32_t resolution, const hw_mesh *mesh)
 {
     float x_min = INFINITY, x_max = -INFINITY, z_min = INFINITY, z_max = -INFINITY;
     for (uint32_t i = 0; i < mesh->vertex_count; i++) {
@@ -229,8 +255,12 @@ static bool fit_view(outline_view *view, uint32_t resolution, const hw_mesh *mes
     float extent = fmaxf(x_max - x_min, z_max - z_min);
     float window = extent / (float)(1 - 2 * MARGIN);
     view->scale = (float)resolution / window;
-    view->offset_x = (x_min + x_max - window) / 2;
-    view->offset_y = (z_min + z_max - window) / 2;
+    // Each view's raster is shifted by another part of a pixel (the R2 sequence): a level or
+    // upright edge, which lies alike in every view, would else meet the same row of samples in all
+    // of them.
+    double shift_x = fmod(index * 0.7548776662, 1), shift_y = fmod(index * 0.5698402910, 1);
+    view->offset_x = (x_min + x_max - window) / 2 + (float)shift_x / view->scale;
+    view->offset_y = (z_min + z_max - window) / 2 + (float)shift_y / view->scale;
     return extent > 0 && isfinite(view->scale);
 }
 
@@ -259,7 +289,7 @@ hw_status hw_outline_create(hw_outline **out, const hw_mesh *original, uint32_t 
         view->right_x = (float)-sin(azimuth);
         view->right_y = (float)cos(azimuth);
         view->bits = outline->bits + i * raster;
-        if (!fit_view(view, outline->resolution, original))
+        if (!fit_view(view, i, outline->resolution, original))
             HW_GO(hw_fail(HW_USAGE, "%s: no extent to outline", name));
         fill_mesh(view, outline->resolution, original, projected, view->bits);
         view->length = border_length(view->bits, outline->resolution) / view->scale;

@@ -4,6 +4,7 @@
 
 typedef struct hw_deviation {
     float rms, max, mean; // in the mesh's units
+    float p99;            // the distance that 99 in 100 points stay within
 } hw_deviation;
 
 // Two-sided distance between surfaces, as in Metro (Cignoni et al. 1998): `samples` (0: 10000)

@@ -117,7 +117,7 @@ static hw_status collapse(const hw_svmesh_job *job, weighing *w, hw_view_mesh *o
     hw_collapser *c = NULL;
     uint32_t *kept = NULL;
     HW_GO(hw_collapser_create((const double(*)[3])w->mesh.positions, w->mesh.vertex_count, w->mesh.indices,
-                              w->mesh.index_count / 3, NULL, &c));
+                              w->mesh.index_count / 3, NULL, HW_COMPLEX_LOCK, &c));
     hw_viewcell_metric context = {(const float(*)[3])w->normals, (const float(*)[2])w->image, w->weights};
     hw_metric metric = hw_metric_viewcell(&context);
     hw_collapse_limits limits = {0, job->options->edge_length_px};

@@ -258,13 +258,15 @@ static void cast_packet(RTCScene scene, struct RTCIntersectContext *context, hw_
 }
 
 void hw_rays_cast_object_many(const hw_rays *rays, uint32_t object_idx, hw_vec3 origin,
-                              const hw_vec3 *directions, uint32_t count, float t_max, hw_hit *hits)
+                              const hw_vec3 *directions, uint32_t count, bool coherent, float t_max,
+                              hw_hit *hits)
 {
     assert(object_idx < rays->object_count);
     const object_place *place = &rays->places[object_idx];
     struct RTCIntersectContext context;
     rtcInitIntersectContext(&context);
-    context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+    context.flags =
+        coherent ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
     hw_vec3 local_origin = hw_mat4_point(&place->inverse, origin);
     for (uint32_t first = 0; first < count; first += PACKET) {
         uint32_t n = count - first < PACKET ? count - first : PACKET;

@@ -23,10 +23,12 @@ hw_hit hw_rays_cast(const hw_rays *rays, hw_vec3 origin, hw_vec3 direction, floa
 // The same against one object of a scene only (through its own mesh; not occluded by others).
 hw_hit hw_rays_cast_object(const hw_rays *rays, uint32_t object_idx, hw_vec3 origin,
                            hw_vec3 direction, float t_min, float t_max);
-// `count` rays of one origin against one object, t in [0, t_max]: the same hits, several times
-// faster for neighbouring directions (packets). hits holds `count`.
+// `count` rays of one origin against one object, t in [0, t_max]: the same hits in packets, up to
+// twice as fast. `coherent` promises that neighbouring directions mostly meet the same triangles or
+// near ones (it is only a hint for speed). hits holds `count`.
 void hw_rays_cast_object_many(const hw_rays *rays, uint32_t object_idx, hw_vec3 origin,
-                              const hw_vec3 *directions, uint32_t count, float t_max, hw_hit *hits);
+                              const hw_vec3 *directions, uint32_t count, bool coherent, float t_max,
+                              hw_hit *hits);
 // Whether anything lies on the segment.
 bool hw_rays_occluded(const hw_rays *rays, hw_vec3 origin, hw_vec3 direction, float t_min,
                       float t_max);

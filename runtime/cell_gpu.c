@@ -1,5 +1,6 @@
 #include "cell_gpu.h"
 #include "alloc.h"
+#include "file.h"
 #include <math.h>
 #include <string.h>
 
@@ -136,7 +137,7 @@ hw_status hw_cell_gpu_load(hw_gpu_account *account, const char *dataset,
         HW_GO(upload(account, &cell, indices, out));
     }
     out->gpu_bytes = account->bytes - before;
-    out->file_bytes = hw_file_bytes(path);
+    out->file_bytes = hw_dataset_file_bytes(path);
     out->loaded = true;
 out:
     hw_free(path);
@@ -159,4 +160,14 @@ void hw_cell_gpu_free(hw_gpu_account *account, hw_cell_gpu *cell)
     if (cell->array)
         glDeleteVertexArrays(1, &cell->array);
     *cell = (hw_cell_gpu){0};
+}
+
+uint64_t hw_dataset_file_bytes(const char *path)
+{
+    hw_reader *reader = NULL;
+    if (hw_reader_open(&reader, path) != HW_OK)
+        return 0;
+    uint64_t bytes = hw_reader_size(reader);
+    hw_reader_close(reader);
+    return bytes;
 }

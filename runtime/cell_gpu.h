@@ -11,15 +11,15 @@
 
 // A far record, in drawing order.
 typedef struct hw_far_draw {
-    hw_mat4 matrix;      // world <- image space
-    float texture[4];    // uv = texture.xy + (x, y) * texture.zw
+    hw_mat4 matrix;   // world <- image space
+    float texture[4]; // uv = texture.xy + (x, y) * texture.zw
     uint32_t first_index, index_count;
 } hw_far_draw;
 
 typedef struct hw_cell_gpu {
     hw_cell_id id;
     bool loaded;
-    uint64_t used;       // number of the last frame that drew it
+    uint64_t used; // number of the last frame that drew it
     uint64_t gpu_bytes, file_bytes;
     uint32_t near_count, far_count;
     hw_near_record *near;
@@ -36,3 +36,6 @@ HW_MUST_USE hw_status hw_cell_gpu_load(hw_gpu_account *account, const char *data
                                        const hw_manifest *manifest, hw_cell_id id,
                                        hw_cell_gpu *out);
 void hw_cell_gpu_free(hw_gpu_account *account, hw_cell_gpu *cell);
+
+// Bytes of a file, 0 if it cannot be opened; for the figures of what was loaded.
+uint64_t hw_dataset_file_bytes(const char *path);

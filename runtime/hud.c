@@ -13,6 +13,7 @@
 #define TEXT_MAX    1024u
 #define LINE_HEIGHT 12 // of the font, in its own pixels; glyphs are at most 9 high
 #define PADDING     4
+#define ROWS_MAX    6u // of a text that is wrapped
 
 // As stb_easy_font writes them.
 typedef struct hud_vertex {
@@ -98,20 +99,28 @@ static void add_rectangle(hw_hud *hud, float x0, float y0, float x1, float y1, u
         v[i] = (hud_vertex){xs[i], ys[i], 0, {16, 20, 28, alpha}};
 }
 
-// A copy of the text that the font can show: printable ASCII, one line, no wider than `width` of
-// the font's pixels. Returns its own width.
-static int fit_text(hw_hud *hud, const char *text, int width)
+// Copies to hud->text what one row of `width` of the font's pixels holds of the text, broken at a
+// space where there is one. Returns the characters used; *measured gets the row's own width.
+static size_t fit_row(hw_hud *hud, const char *text, int width, int *measured)
 {
-    size_t n = 0;
-    for (; text[n] && n < TEXT_MAX - 1; n++)
-        hud->text[n] = text[n] >= 32 && text[n] < 127 ? text[n] : '?';
-    hud->text[n] = '\0';
-    int measured = stb_easy_font_width(hud->text);
-    while (n > 0 && measured > width) {
-        hud->text[--n] = '\0';
-        measured = stb_easy_font_width(hud->text);
+    size_t n = 0, space = 0;
+    int x = 0;
+    for (; text[n] && n < TEXT_MAX - 1; n++) {
+        char shown[2] = {text[n] >= 32 && text[n] < 127 ? text[n] : '?', '\0'};
+        x += stb_easy_font_width(shown);
+        if (x > width)
+            break;
+        hud->text[n] = shown[0];
+        if (shown[0] == ' ')
+            space = n;
     }
-    return measured;
+    if (text[n] && space > 0)
+        n = space;
+    hud->text[n] = '\0';
+    *measured = stb_easy_font_width(hud->text);
+    while (text[n] == ' ')
+        n++;
+    return n;
 }
 
 // The text in hud->text, with its upper left corner at (x, y).
@@ -132,15 +141,31 @@ static void add_text(hw_hud *hud, float x, float y, float scale, const uint8_t c
 static const uint8_t white[4] = {255, 255, 255, 255};
 static const uint8_t amber[4] = {255, 214, 130, 255};
 
-// One line of text on a dark panel; y is the panel's top.
-static void add_line(hw_hud *hud, const char *text, float y, float scale, uint32_t width,
-                     const uint8_t color[4])
+// Rows of text on a dark panel, from the top of the window or up to its bottom.
+static void add_block(hw_hud *hud, const char *text, bool at_bottom, float scale, uint32_t width,
+                      uint32_t height, const uint8_t color[4])
 {
     int room = (int)((float)width / scale) - 2 * PADDING;
-    float length = scale * (float)fit_text(hud, text, room);
-    add_rectangle(hud, 0, y, length + 2 * PADDING * scale, y + scale * (LINE_HEIGHT + PADDING),
-                  150);
-    add_text(hud, PADDING * scale, y + PADDING * scale, scale, color);
+    int widest = 0, measured;
+    uint32_t rows = 0;
+    const char *rest = text;
+    while (*rest && rows < ROWS_MAX) {
+        size_t used = fit_row(hud, rest, room, &measured);
+        if (used == 0)
+            break;
+        widest = measured > widest ? measured : widest;
+        rest += used;
+        rows++;
+    }
+    float panel = scale * (float)(LINE_HEIGHT * rows + PADDING);
+    float y = at_bottom ? (float)height - panel : 0;
+    add_rectangle(hud, 0, y, scale * (float)(widest + 2 * PADDING), y + panel, 150);
+    rest = text;
+    for (uint32_t row = 0; row < rows; row++) {
+        rest += fit_row(hud, rest, room, &measured);
+        add_text(hud, PADDING * scale, y + scale * (float)(PADDING + LINE_HEIGHT * row), scale,
+                 color);
+    }
 }
 
 static void add_help(hw_hud *hud, uint32_t width, uint32_t height, float scale)
@@ -153,7 +178,8 @@ static void add_help(hw_hud *hud, uint32_t width, uint32_t height, float scale)
     for (size_t row = 0; row < HELP_ROWS; row++) {
         const char *cells[2] = {help_rows[row].keys, help_rows[row].meaning};
         for (int k = 0; k < 2; k++) {
-            fit_text(hud, cells[k], (int)(panel_width - columns[k]));
+            int measured;
+            fit_row(hud, cells[k], (int)(panel_width - columns[k]), &measured);
             add_text(hud, x + scale * (PADDING + columns[k]),
                      y + scale * (float)(PADDING + 1 + LINE_HEIGHT * row), scale,
                      k == 0 ? amber : white);
@@ -252,12 +278,11 @@ void hw_hud_draw(hw_hud *hud, uint32_t width, uint32_t height, const hw_hud_cont
 {
     // Whole multiples keep the font's pixels even.
     float scale = height >= 1600 ? 3.0f : height >= 600 && width >= 760 ? 2.0f : 1.0f;
-    float line = scale * (LINE_HEIGHT + PADDING);
     hud->quad_count = 0;
     if (content->line)
-        add_line(hud, content->line, 0, scale, width, white);
+        add_block(hud, content->line, false, scale, width, height, white);
     if (content->message)
-        add_line(hud, content->message, (float)height - line, scale, width, amber);
+        add_block(hud, content->message, true, scale, width, height, amber);
     if (content->help)
         add_help(hud, width, height, scale);
     if (hud->quad_count > 0)

@@ -20,8 +20,8 @@ typedef struct hw_hud_info {
 // The line as text, cut to capacity - 1 bytes (capacity > 0). Returns its length.
 size_t hw_hud_format(const hw_hud_info *info, char *out, size_t capacity);
 
-// What to show; NULL and false: nothing. Lines are cut at the window's right edge; what is not
-// printable ASCII becomes '?'.
+// What to show; NULL and false: nothing. Text is wrapped at the window's right edge, into a few
+// rows at most; what is not printable ASCII becomes '?'.
 typedef struct hw_hud_content {
     const char *line;    // top left
     const char *message; // bottom left

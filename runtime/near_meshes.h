@@ -10,28 +10,31 @@ typedef struct hw_near_level {
     hw_gpu_buffer vertices, indices;
     uint32_t index_count;
     GLenum index_type;
+    bool has_uvs;
     uint64_t used; // number of the last frame that asked for it
 } hw_near_level;
 
 typedef struct hw_near_meshes hw_near_meshes;
 
-// Borrows the dataset's path and the manifest. Reads nothing yet.
+// budget_bytes: GPU bytes of levels kept beyond those in use. Borrows the dataset's path and the
+// manifest. Reads nothing yet.
 HW_MUST_USE hw_status hw_near_meshes_create(hw_gpu_account *account, const char *dataset,
-                                            const hw_manifest *manifest, hw_near_meshes **out);
+                                            const hw_manifest *manifest, uint64_t budget_bytes,
+                                            hw_near_meshes **out);
 void hw_near_meshes_destroy(hw_near_meshes *meshes);
 
-// Reads the mesh's table of levels and its texture, once. Errors name the file.
-HW_MUST_USE hw_status hw_near_meshes_open(hw_near_meshes *meshes, uint32_t mesh_idx);
-HW_MUST_USE hw_status hw_near_meshes_open_texture(hw_near_meshes *meshes, int32_t texture_idx,
-                                                  hw_frame_stats *stats);
-// The coarsest level of an opened mesh whose largest error is at most `error` mesh units.
+// Reads a mesh's table of levels, and a texture (index -1: none), unless that was done before.
+// Counts in *stats what was read. Errors name the file.
+HW_MUST_USE hw_status hw_near_meshes_open(hw_near_meshes *meshes, uint32_t mesh_idx,
+                                          int32_t texture_idx, hw_frame_stats *stats);
+// Of an opened mesh, the coarsest level whose largest error is at most `error` mesh units.
 uint32_t hw_near_meshes_choose(const hw_near_meshes *meshes, uint32_t mesh_idx, double error);
-// The level itself, marked as used in `frame`; loaded if need be (counted in *stats as a stall), for
-// which levels unused in `frame` may be dropped. NULL *out never happens on success.
+// Number of levels of an opened mesh.
+uint32_t hw_near_meshes_level_count(const hw_near_meshes *meshes, uint32_t mesh_idx);
+// The level itself, marked as used in `frame`, loaded if it is not there (a stall, counted in
+// *stats): then levels not used in `frame` may be dropped. *out stays valid until the next frame.
 HW_MUST_USE hw_status hw_near_meshes_get(hw_near_meshes *meshes, uint32_t mesh_idx, uint32_t level,
                                          uint64_t frame, hw_frame_stats *stats,
                                          const hw_near_level **out);
-// Name of an opened texture; 0 for index -1.
+// GL name of an opened texture; 0 for index -1.
 GLuint hw_near_meshes_texture(const hw_near_meshes *meshes, int32_t texture_idx);
-// Whether an opened mesh has texture coordinates.
-bool hw_near_meshes_has_uvs(const hw_near_meshes *meshes, uint32_t mesh_idx);

@@ -8,7 +8,8 @@ typedef struct hw_camera {
     float fov_degrees; // vertical
     uint32_t width, height;   // pixels
     float near, far;          // 0 = HW_CAMERA_NEAR, HW_CAMERA_FAR
-    float jitter_x, jitter_y; // shift of the image in pixels, for supersampling
+    float jitter_x, jitter_y; // shift of the image in pixels, for supersampling: +1 moves it right
+                              // (x) or up (y) by one pixel
 } hw_camera;
 
 #define HW_CAMERA_NEAR 0.5f
@@ -21,7 +22,8 @@ hw_mat4 hw_camera_view_projection(const hw_camera *camera);
 // height / (2 tan(fov / 2)): pixels per unit at distance 1.
 double hw_camera_focal_px(const hw_camera *camera);
 
-// Six frustum planes (a, b, c, d), a x + b y + c z + d >= 0 inside, from a view-projection matrix.
+// Six frustum planes (a, b, c, d), (a, b, c) of unit length, a x + b y + c z + d >= 0 inside, in
+// the order left, right, bottom, top, near, far; from a view-projection matrix.
 typedef struct hw_frustum {
     double planes[6][4];
 } hw_frustum;

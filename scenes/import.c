@@ -23,7 +23,7 @@ typedef struct importer {
     hw_scene *scene;
     bool *mesh_used, *material_used;   // by a node other than the ground
     uint32_t *mesh_map, *material_map; // source index to scene index; NONE
-    uint32_t *mirror_map;              // scene mesh to its mirror image, 0 = not made yet
+    uint32_t *mirror_map;              // scene mesh to its mirror image; 0 = not made yet
     uint32_t *slots;                   // hash table of scene meshes, index + 1
     uint64_t *hashes;                  // of scene meshes
     size_t slot_count;                 // a power of two
@@ -222,7 +222,6 @@ static hw_status mirror_mesh(importer *in, uint32_t mesh_idx, uint32_t *mirrored
         hw_mat4 mirror = hw_mat4_scale(-1, 1, 1);
         HW_TRY(hw_mesh_copy(&in->scene->meshes[mesh_idx], out));
         hw_mesh_transform(out, &mirror);
-        in->mirror_map[in->scene->mesh_count] = mesh_idx;
         in->mirror_map[mesh_idx] = in->scene->mesh_count++;
     }
     *mirrored = in->mirror_map[mesh_idx];

@@ -3,6 +3,8 @@
 // scenes.
 #pragma once
 #include "status.h"
+#include <stdbool.h>
+#include <stdint.h>
 
 typedef enum hw_model_kind {
     HW_MODEL_GLTF, // .gltf and .glb
@@ -17,5 +19,35 @@ typedef enum hw_model_kind {
 // By the file name's extension.
 hw_model_kind hw_model_kind_of(const char *path);
 // Structure, lengths, counts and indices; errors name the file first, then the cause. Missing,
-// empty, too long (8 GiB) and irregular files are refused for every kind.
+// empty, overlong (8 GiB) and irregular files are refused for every kind.
 HW_MUST_USE hw_status hw_import_check(const char *path);
+
+// A file's content. Parsers below may rely on a 0 byte after `size` bytes.
+typedef struct hw_model_bytes {
+    const char *path;
+    const uint8_t *data;
+    size_t size;
+} hw_model_bytes;
+HW_MUST_USE hw_status hw_check_gltf(const hw_model_bytes *file);
+HW_MUST_USE hw_status hw_check_ply(const hw_model_bytes *file);
+HW_MUST_USE hw_status hw_check_off(const hw_model_bytes *file);
+HW_MUST_USE hw_status hw_check_obj(const hw_model_bytes *file);
+HW_MUST_USE hw_status hw_check_stl(const hw_model_bytes *file);
+HW_MUST_USE hw_status hw_check_3ds(const hw_model_bytes *file);
+
+// A cursor over the words of a text file, line by line.
+typedef struct hw_words {
+    const char *next, *end; // of the current line's rest
+    const char *file_end;
+    uint64_t line; // from 1
+    char comment;  // starts a comment that runs to the end of the line; 0 = none
+} hw_words;
+hw_words hw_words_make(const void *data, size_t size, char comment);
+// Goes to the next line that has a word; false at the end of the file.
+bool hw_words_line(hw_words *w);
+// The next word of the line (not 0-terminated); false at the end of the line.
+bool hw_words_get(hw_words *w, const char **word, size_t *length);
+// The next word as a decimal integer; false if there is none or it is no integer.
+bool hw_words_integer(hw_words *w, int64_t *out);
+// The next word as a number, only looked at, not converted: "1", "-.5e3", "nan", "inf".
+bool hw_words_number(hw_words *w);

@@ -9,7 +9,7 @@ enum { DEMO, PARK_2M, PARK_4M, PARK_8M, PRESET_COUNT };
 
 // Thesis, table 5.2: how many of each kind the three parks hold, and its largest dimension. Where
 // the thesis has a statue that nobody can download, one of about its face count and size stands in:
-// man for "statue", bull for "cattle", cow for "easter", head for "venus".
+// man for "statue", bull for "cattle", homer for "easter", head for "venus".
 typedef struct park_kind {
     const char *statue;
     float largest; // units
@@ -19,11 +19,11 @@ typedef struct park_kind {
 static const park_kind kinds[] = {
     {"dragon", 57.3f, {0, 4, 10, 18}},    {"bunny", 43.6f, {2, 7, 12, 26}},
     {"man", 23.4f, {4, 13, 21, 40}},      {"bull", 40.8f, {4, 9, 19, 42}},
-    {"horse", 82.6f, {5, 13, 29, 51}},    {"cow", 30.8f, {4, 6, 14, 22}},
+    {"horse", 82.6f, {5, 13, 29, 51}},    {"homer", 30.8f, {4, 6, 14, 22}},
     {"camel", 49.4f, {4, 4, 14, 26}},     {"head", 21.9f, {3, 8, 13, 28}},
     {"elephant", 60.0f, {1, 0, 0, 0}},    {"armadillo", 40.0f, {2, 0, 0, 0}},
     {"guardian", 45.0f, {5, 0, 0, 0}},    {"lion", 30.0f, {3, 0, 0, 0}},
-    {"devil", 26.0f, {3, 0, 0, 0}},       {"homer", 30.8f, {4, 0, 0, 0}},
+    {"devil", 26.0f, {3, 0, 0, 0}},       {"cow", 36.0f, {4, 0, 0, 0}},
     {"diplodocus", 75.0f, {2, 0, 0, 0}},  {"dinosaur", 50.0f, {3, 0, 0, 0}},
     {"triceratops", 52.0f, {3, 0, 0, 0}}, {"fist", 18.0f, {2, 0, 0, 0}},
 };

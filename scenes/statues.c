@@ -5,27 +5,28 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Directions found by looking at each file from six sides.
+#define NOT_ON_PATH UINT32_MAX
+
+// Directions found by looking at each file from six sides; tilts such that feet and bases lie flat.
 static const hw_statue table[] = {
     {"dragon", "dragon_vrip_res2.ply", {0, 1, 0}, {-1, 0, 0}},
     {"dragon-full", "dragon_vrip.ply", {0, 1, 0}, {-1, 0, 0}},
     {"bunny", "bunny.obj", {0, 1, 0}, {-1, 0, 0.4f}},
     {"man", "man.off", {0, 0, 1}, {0, -1, 0}},
-    {"bull", "bull.off", {0, 1, 0}, {-1, 0, 0}},
-    {"horse", "horse.3ds", {0, 0, -1}, {1, 0, 0}},
+    {"bull", "bull.off", {0, 1, 0.091f}, {-1, 0, 0}},
+    {"horse", "horse.3ds", {0, 1, 0}, {0.85f, 0, -0.5f}},
     {"cow", "cow.off", {0, 1, 0}, {1, 0, 0}},
     {"homer", "homer.off", {0, 1, 0}, {0, 0, 1}},
     {"camel", "camel.off", {0, 1, 0}, {0, 0, 1}},
     {"head", "head.off", {0, 1, 0}, {-1, 0, 0}},
-    {"elephant", "refined_elephant.off", {0, 1, 0}, {1, 0, 0}},
+    {"elephant", "refined_elephant.off", {0, 1, 0}, {0.85f, 0, 0.5f}},
     {"armadillo", "armadillo.off", {0, 1, 0}, {0, 0, -1}},
-    {"lion", "lion-head.off", {0, 0.4f, 0.92f}, {0, -0.92f, 0.4f}},
+    {"lion", "lion-head.off", {-0.2f, 0.4f, 0.92f}, {0, -0.92f, 0.4f}},
     {"devil", "mannequin-devil.off", {0, 0, 1}, {0, -1, 0}},
-    {"guardian", "ChineseDragon-10kv.off", {0, 1, 0}, {0, 0, 1}},
+    {"guardian", "ChineseDragon-10kv.off", {0, 0.953f, 0.302f}, {0, 0, 1}},
     {"triceratops", "triceratops.off", {0, 1, 0}, {1, 0, 0}},
-    {"diplodocus", "diplodocus.off", {0, 1, 0}, {1, 0, 0}},
+    {"diplodocus", "diplodocus.off", {0.117f, 1, 0.157f}, {1, 0, 0}},
     {"dinosaur", "dino.off", {0, 0, 1}, {0, -1, 0}},
-    {"bear", "bear.off", {0, 1, 0}, {0, 0, 1}},
     {"fist", "hand.off", {0, 0, 1}, {0, 1, 0}},
 };
 
@@ -53,6 +54,63 @@ bool hw_statue_available(const hw_statue *statue, const char *folder)
     return exists;
 }
 
+// A triangle by its vertices in rising order; `odd` tells which way round it runs.
+typedef struct sorted_triangle {
+    uint32_t v[3], triangle_idx;
+    bool odd;
+} sorted_triangle;
+
+static int compare_triangles(const void *a, const void *b)
+{
+    const sorted_triangle *p = a, *q = b;
+    for (int k = 0; k < 3; k++)
+        if (p->v[k] != q->v[k])
+            return p->v[k] < q->v[k] ? -1 : 1;
+    return (p->triangle_idx > q->triangle_idx) - (p->triangle_idx < q->triangle_idx);
+}
+
+static sorted_triangle sort_corners(const uint32_t *t, uint32_t triangle_idx)
+{
+    sorted_triangle s = {{t[0], t[1], t[2]}, triangle_idx, false};
+    for (int round = 0; round < 2; round++)
+        for (int k = 0; k < 2; k++) {
+            if (s.v[k] <= s.v[k + 1])
+                continue;
+            uint32_t swap = s.v[k];
+            s.v[k] = s.v[k + 1];
+            s.v[k + 1] = swap;
+            s.odd = !s.odd;
+        }
+    return s;
+}
+
+hw_status hw_statue_drop_flaps(hw_mesh *mesh)
+{
+    uint32_t count = mesh->index_count / 3, kept = 0;
+    sorted_triangle *sorted = NULL;
+    HW_TRY(HW_NEW(&sorted, count));
+    for (uint32_t i = 0; i < count; i++)
+        sorted[i] = sort_corners(mesh->indices + 3 * (size_t)i, i);
+    qsort(sorted, count, sizeof *sorted, compare_triangles);
+    for (uint32_t i = 0; i + 1 < count; i++) {
+        if (memcmp(sorted[i].v, sorted[i + 1].v, sizeof sorted[i].v) != 0 ||
+            sorted[i].odd == sorted[i + 1].odd)
+            continue;
+        // Marked by an index that no triangle has.
+        mesh->indices[3 * (size_t)sorted[i].triangle_idx] = UINT32_MAX;
+        mesh->indices[3 * (size_t)sorted[i + 1].triangle_idx] = UINT32_MAX;
+        i++;
+    }
+    for (uint32_t i = 0; i < count; i++) {
+        const uint32_t *t = mesh->indices + 3 * (size_t)i;
+        if (t[0] != UINT32_MAX)
+            memmove(mesh->indices + 3 * (size_t)kept++, t, 3 * sizeof *t);
+    }
+    mesh->index_count = 3 * kept;
+    hw_free(sorted);
+    return HW_OK;
+}
+
 // One side of an edge: `low` < `high` are its vertices, `forward` tells whether the triangle runs
 // from low to high.
 typedef struct half_edge {
@@ -65,9 +123,7 @@ static int compare_half_edges(const void *a, const void *b)
     const half_edge *p = a, *q = b;
     if (p->low != q->low)
         return p->low < q->low ? -1 : 1;
-    if (p->high != q->high)
-        return p->high < q->high ? -1 : 1;
-    return (int)q->forward - (int)p->forward;
+    return (p->high > q->high) - (p->high < q->high);
 }
 
 // A step along the rim of a hole, in the direction in which the missing triangles run.
@@ -84,7 +140,8 @@ static int compare_rim_edges(const void *a, const void *b)
     return (p->to > q->to) - (p->to < q->to);
 }
 
-// The edges with a triangle on one side only, sorted by start; *out is freed with hw_free.
+// The edges that more triangles run along one way than the other, sorted by start: the boundary of
+// the surface, which always consists of closed loops. *out is freed with hw_free.
 static hw_status find_rims(const hw_mesh *mesh, rim_edge **out, uint32_t *count)
 {
     hw_status status = HW_OK;
@@ -99,12 +156,14 @@ static hw_status find_rims(const hw_mesh *mesh, rim_edge **out, uint32_t *count)
     }
     qsort(edges, n, sizeof *edges, compare_half_edges);
     for (uint32_t i = 0, next; i < n; i = next) {
-        for (next = i + 1;
-             next < n && edges[next].low == edges[i].low && edges[next].high == edges[i].high;)
-            next++;
-        if (next == i + 1)
-            rims[rim_count++] = edges[i].forward ? (rim_edge){edges[i].high, edges[i].low, false}
-                                                 : (rim_edge){edges[i].low, edges[i].high, false};
+        half_edge e = edges[i];
+        int balance = 0;
+        for (next = i; next < n && edges[next].low == e.low && edges[next].high == e.high; next++)
+            balance += edges[next].forward ? 1 : -1;
+        for (; balance > 0; balance--)
+            rims[rim_count++] = (rim_edge){e.high, e.low, false};
+        for (; balance < 0; balance++)
+            rims[rim_count++] = (rim_edge){e.low, e.high, false};
     }
     qsort(rims, rim_count, sizeof *rims, compare_rim_edges);
     *out = rims;
@@ -133,20 +192,6 @@ static rim_edge *step_from(rim_edge *rims, uint32_t count, uint32_t vertex)
     return NULL;
 }
 
-// Follows the rim from `start`; `loop` (room for every rim edge) gets the vertices. Returns their
-// number, 0 if the rim does not come back to its start (a defect that is left as it is).
-static uint32_t walk_rim(rim_edge *rims, uint32_t count, uint32_t start, uint32_t *loop)
-{
-    uint32_t length = 0, first = rims[start].from;
-    for (rim_edge *edge = &rims[start]; edge; edge = step_from(rims, count, edge->to)) {
-        edge->used = true;
-        loop[length++] = edge->from;
-        if (edge->to == first)
-            return length;
-    }
-    return 0;
-}
-
 // Appends the triangles of one hole; the arrays have room.
 static void fill_loop(hw_mesh *mesh, const uint32_t *loop, uint32_t length)
 {
@@ -169,28 +214,50 @@ static void fill_loop(hw_mesh *mesh, const uint32_t *loop, uint32_t length)
     mesh->index_count += 3 * length;
 }
 
+// Follows the rim from rims[start] and fills every loop that it closes on the way: holes that share
+// a corner are holes of their own. `path` has room for every rim edge; place[v] is where vertex v
+// stands on the path, NOT_ON_PATH for all before and after.
+static void fill_from(hw_mesh *mesh, rim_edge *rims, uint32_t count, uint32_t start, uint32_t *path,
+                      uint32_t *place)
+{
+    uint32_t length = 0;
+    for (rim_edge *edge = &rims[start]; edge; edge = step_from(rims, count, edge->to)) {
+        edge->used = true;
+        place[edge->from] = length;
+        path[length++] = edge->from;
+        uint32_t first = place[edge->to];
+        if (first == NOT_ON_PATH)
+            continue;
+        if (length - first >= 3)
+            fill_loop(mesh, path + first, length - first);
+        for (; length > first; length--)
+            place[path[length - 1]] = NOT_ON_PATH;
+    }
+    for (; length > 0; length--)
+        place[path[length - 1]] = NOT_ON_PATH;
+}
+
 hw_status hw_statue_close_holes(hw_mesh *mesh)
 {
     assert(!mesh->normals && !mesh->colors && !mesh->uvs);
     hw_status status = HW_OK;
     rim_edge *rims = NULL;
-    uint32_t *loop = NULL, count = 0;
+    uint32_t *path = NULL, *place = NULL, count = 0;
     HW_GO(find_rims(mesh, &rims, &count));
     if (count == 0)
         goto out;
-    HW_GO(HW_NEW(&loop, count));
+    HW_GO(HW_NEW(&path, count));
+    HW_GO(HW_NEW(&place, mesh->vertex_count));
+    memset(place, 0xff, mesh->vertex_count * sizeof *place);
     // Every rim edge makes one triangle at most, every three of them one vertex at most.
     HW_GO(HW_RESIZE(&mesh->indices, (size_t)mesh->index_count + 3 * (size_t)count));
     HW_GO(HW_RESIZE(&mesh->positions, (size_t)mesh->vertex_count + count / 3));
-    for (uint32_t i = 0; i < count; i++) {
-        if (rims[i].used)
-            continue;
-        uint32_t length = walk_rim(rims, count, i, loop);
-        if (length >= 3)
-            fill_loop(mesh, loop, length);
-    }
+    for (uint32_t i = 0; i < count; i++)
+        if (!rims[i].used)
+            fill_from(mesh, rims, count, i, path, place);
 out:
-    hw_free(loop);
+    hw_free(place);
+    hw_free(path);
     hw_free(rims);
     return status;
 }
@@ -253,8 +320,13 @@ hw_status hw_statue_load(const hw_statue *statue, const char *folder, hw_mesh *o
     // Positions alone decide what is one vertex: seams of attributes would be cracks here.
     drop_attributes(&mesh);
     HW_GO(hw_mesh_clean(&mesh));
+    // Flaps first: in the file they still run opposite ways, and without them the flood gets round.
+    HW_GO(hw_statue_drop_flaps(&mesh));
     HW_GO(hw_mesh_orient(&mesh));
     HW_GO(hw_statue_close_holes(&mesh));
+    // Closing a triangle that hung alone makes a flap; the vertices of flaps are left over.
+    HW_GO(hw_statue_drop_flaps(&mesh));
+    HW_GO(hw_mesh_clean(&mesh));
     stand_on_ground(&mesh, statue);
     HW_GO(hw_mesh_compute_normals(&mesh));
     hw_free(mesh.name);

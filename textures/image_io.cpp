@@ -12,8 +12,10 @@ extern "C" {
 #include <OpenImageIO/imagebufalgo.h>
 #include <OpenImageIO/imagecache.h>
 #include <OpenImageIO/imageio.h>
+#include <OpenImageIO/strutil.h>
 #include <OpenImageIO/texture.h>
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cstring>
 #include <memory>
@@ -28,6 +30,8 @@ namespace
 
 constexpr uint64_t file_limit_bytes = uint64_t(1) << 30;
 constexpr int tile_side = 64;
+constexpr int jpeg_quality = 92; // where the caller has no wish
+constexpr const char *png_signature = "\x89PNG\r\n\x1a\n";
 
 // OpenImageIO's own threads would only compete with ours.
 void set_up_once()
@@ -71,7 +75,7 @@ struct signature {
 const char *format_of(const uint8_t *data, size_t size)
 {
     static const signature known[] = {
-        {"\x89PNG\r\n\x1a\n", 8, 0, "png"},
+        {png_signature, 8, 0, "png"},
         {"\xff\xd8\xff", 3, 0, "jpg"},
         {"GIF8", 4, 0, "gif"},
         {"BM", 2, 0, "bmp"},
@@ -87,6 +91,51 @@ const char *format_of(const uint8_t *data, size_t size)
         if (size >= s.offset + s.size && memcmp(data + s.offset, s.bytes, s.size) == 0)
             return s.extension;
     return nullptr;
+}
+
+// CRC-32 of PNG chunks (ISO 3309, PNG specification annex D).
+uint32_t png_crc(const uint8_t *data, size_t size)
+{
+    static const std::array<uint32_t, 256> table = [] {
+        std::array<uint32_t, 256> t{};
+        for (uint32_t i = 0; i < 256; i++) {
+            uint32_t c = i;
+            for (int k = 0; k < 8; k++)
+                c = c & 1 ? 0xedb88320u ^ c >> 1 : c >> 1;
+            t[i] = c;
+        }
+        return t;
+    }();
+    uint32_t crc = 0xffffffffu;
+    for (size_t i = 0; i < size; i++)
+        crc = table[(crc ^ data[i]) & 255] ^ crc >> 8;
+    return ~crc;
+}
+
+uint32_t big_endian(const uint8_t *p)
+{
+    return uint32_t(p[0]) << 24 | uint32_t(p[1]) << 16 | uint32_t(p[2]) << 8 | p[3];
+}
+
+// Whether the signature and all chunks of a PNG are whole, from IHDR to IEND. libpng would print
+// its complaints on stderr, and accept a file that ends before its last chunk.
+bool png_is_whole(const uint8_t *data, size_t size)
+{
+    size_t at = 8;
+    if (size < at || memcmp(data, png_signature, at) != 0)
+        return false;
+    for (bool first = true;; first = false) {
+        if (size - at < 12)
+            return false;
+        const uint64_t length = big_endian(data + at);
+        const uint8_t *type = data + at + 4;
+        if (length > size - at - 12 || (first && memcmp(type, "IHDR", 4) != 0) ||
+            png_crc(type, size_t(length) + 4) != big_endian(type + 4 + length))
+            return false;
+        if (memcmp(type, "IEND", 4) == 0)
+            return true;
+        at += size_t(length) + 12;
+    }
 }
 
 // Copies what was read into the channel counts of hw_image: 1 stays, 2 (gray and alpha) becomes 4,
@@ -125,15 +174,27 @@ OIIO::ImageSpec plain_alpha()
 
 hw_status decode(const char *name, const void *bytes, size_t size, const char *path, hw_image *out)
 {
-    const char *extension = format_of(static_cast<const uint8_t *>(bytes), size);
+    const uint8_t *data = static_cast<const uint8_t *>(bytes);
+    const char *extension = format_of(data, size);
+    const bool png =
+        extension ? strcmp(extension, "png") == 0 : OIIO::Strutil::iends_with(name, ".png");
+    if (png && !png_is_whole(data, size))
+        return hw_fail(HW_FORMAT, "%s: truncated or damaged PNG", name);
     const std::string alias = extension ? std::string("image.") + extension : std::string(name);
     const OIIO::ImageSpec config = plain_alpha();
     OIIO::Filesystem::IOMemReader memory(bytes, size);
-    // A reader that cannot read from memory refuses the proxy; a file can then be opened by name.
-    auto in = OIIO::ImageInput::open(alias, &config, &memory);
-    if (!in && path) {
+    OIIO::ImageSpec spec;
+    // Given the proxy, create() probes the bytes instead of a file of that name. A reader that
+    // cannot read from memory refuses the proxy; a file can then be opened by name.
+    auto in = OIIO::ImageInput::create(alias, false, nullptr, &memory);
+    if (in && in->set_ioproxy(&memory)) {
+        if (!in->open(alias, spec, config))
+            return fail_with(HW_FORMAT, name, in->geterror());
+    } else if (path) {
         (void)OIIO::geterror();
         in = OIIO::ImageInput::open(path, &config);
+    } else {
+        in.reset();
     }
     if (!in)
         return fail_with(HW_FORMAT, name, OIIO::geterror());
@@ -142,7 +203,8 @@ hw_status decode(const char *name, const void *bytes, size_t size, const char *p
     return status;
 }
 
-hw_status encode(const char *name, const hw_image *image, std::vector<unsigned char> &buffer)
+hw_status encode(const char *name, const hw_image *image, int quality,
+                 std::vector<unsigned char> &buffer)
 {
     auto output = OIIO::ImageOutput::create(name);
     if (!output)
@@ -155,7 +217,7 @@ hw_status encode(const char *name, const hw_image *image, std::vector<unsigned c
     spec["oiio:UnassociatedAlpha"] = 1;
     spec["jpeg:subsampling"] = "4:4:4";
     if (strcmp(output->format_name(), "jpeg") == 0)
-        spec["Compression"] = "jpeg:92";
+        spec["Compression"] = "jpeg:" + std::to_string(quality);
     OIIO::Filesystem::IOVecOutput memory(buffer);
     if (!output->set_ioproxy(&memory) || !output->open(name, spec) ||
         !output->write_image(OIIO::TypeDesc::UINT8, image->data, OIIO::stride_t(image->channels)) ||
@@ -284,18 +346,20 @@ OIIO::ImageInput *make_memory_input()
 
 } // namespace
 
-// The texture system is private to the sampler and dies with it; the pyramid must outlive it.
+// The pyramid must outlive its entry in the texture system.
 struct hw_sampler {
     pyramid levels;
     uint32_t repeats[2] = {1, 1};
-    OIIO::TextureSystem *system = nullptr;
+    OIIO::TextureSystem *system = nullptr; // the process's shared one, never destroyed
+    OIIO::ustring name;
     OIIO::TextureSystem::TextureHandle *texture = nullptr;
     float mean[3] = {0, 0, 0};
 
     ~hw_sampler()
     {
-        if (system)
-            OIIO::TextureSystem::destroy(system);
+        // Drops the tiles and the reader; names are never used twice.
+        if (system && !name.empty())
+            system->invalidate(name, true);
     }
 };
 
@@ -309,18 +373,18 @@ hw_status set_up_sampler(hw_sampler &sampler, const hw_image *image)
     sampler.levels = make_pyramid(image, sampler.repeats);
     for (int k = 0; k < 3; k++)
         sampler.mean[k] = float(sampler.levels.back().pixels[size_t(k)]) / 255.0f;
-    sampler.system = OIIO::TextureSystem::create(false);
+    sampler.system = OIIO::TextureSystem::create(true);
     if (!sampler.system)
         return fail_with(HW_INTERNAL, "texture", OIIO::geterror());
-    OIIO::ustring name("hexwalk-memory-" + std::to_string(serial++));
+    sampler.name = OIIO::ustring("hexwalk-memory-" + std::to_string(serial++));
     OIIO::ImageSpec config;
     void *pointer = &sampler.levels;
     config.attribute(memory_input::attribute_name, OIIO::TypeDesc::PTR, &pointer);
     // The cache keeps the configuration, and opens the input when the handle is asked for.
     OIIO::ImageCache *cache = sampler.system->imagecache();
-    if (!cache->add_file(name, make_memory_input, &config))
+    if (!cache->add_file(sampler.name, make_memory_input, &config))
         return fail_with(HW_INTERNAL, "texture", cache->geterror());
-    sampler.texture = sampler.system->get_texture_handle(name);
+    sampler.texture = sampler.system->get_texture_handle(sampler.name);
     if (!sampler.texture || !sampler.system->good(sampler.texture))
         return fail_with(HW_INTERNAL, "texture", sampler.system->geterror());
     return HW_OK;
@@ -359,18 +423,19 @@ extern "C" hw_status hw_image_write(const char *path, const hw_image *image)
 {
     return guarded(path, [&] {
         std::vector<unsigned char> buffer;
-        HW_TRY(encode(path, image, buffer));
+        HW_TRY(encode(path, image, jpeg_quality, buffer));
         return hw_file_write(path, buffer.data(), buffer.size());
     });
 }
 
-extern "C" hw_status hw_image_encode_png(const hw_image *image, uint8_t **bytes, size_t *size)
+static hw_status encode_to_block(const char *name, const hw_image *image, int quality,
+                                 uint8_t **bytes, size_t *size)
 {
     *bytes = nullptr;
     *size = 0;
-    return guarded("image.png", [&] {
+    return guarded(name, [&] {
         std::vector<unsigned char> buffer;
-        HW_TRY(encode("image.png", image, buffer));
+        HW_TRY(encode(name, image, quality, buffer));
         void *block = nullptr;
         HW_TRY(hw_alloc(&block, buffer.size(), 1));
         memcpy(block, buffer.data(), buffer.size());
@@ -378,6 +443,17 @@ extern "C" hw_status hw_image_encode_png(const hw_image *image, uint8_t **bytes,
         *size = buffer.size();
         return HW_OK;
     });
+}
+
+extern "C" hw_status hw_image_encode_png(const hw_image *image, uint8_t **bytes, size_t *size)
+{
+    return encode_to_block("image.png", image, jpeg_quality, bytes, size);
+}
+
+extern "C" hw_status hw_image_encode_jpeg(const hw_image *image, int quality, uint8_t **bytes,
+                                          size_t *size)
+{
+    return encode_to_block("image.jpg", image, std::clamp(quality, 1, 100), bytes, size);
 }
 
 extern "C" hw_status hw_sampler_create(hw_sampler **out, const hw_image *image)

@@ -13,6 +13,9 @@ HW_MUST_USE hw_status hw_image_decode(const char *name, const void *bytes, size_
 HW_MUST_USE hw_status hw_image_write(const char *path, const hw_image *image);
 // Encodes as PNG into memory; *bytes freed with hw_free.
 HW_MUST_USE hw_status hw_image_encode_png(const hw_image *image, uint8_t **bytes, size_t *size);
+// The same as JPEG (alpha is left out; full chroma resolution). quality: 1 to 100.
+HW_MUST_USE hw_status hw_image_encode_jpeg(const hw_image *image, int quality, uint8_t **bytes,
+                                           size_t *size);
 
 // Filtered look-ups (OpenImageIO's texture system: mip-mapped, anisotropic, wrap = repeat).
 typedef struct hw_sampler hw_sampler;

@@ -13,6 +13,7 @@
 #include "target.h"
 #include "walker.h"
 #include <pthread.h>
+#include <signal.h>
 #include <stdarg.h>
 #include <stdatomic.h>
 #include <string.h>
@@ -74,6 +75,16 @@ typedef struct walk {
     hw_frame_stats stats;
     uint64_t frame_count;
 } walk;
+
+// Ctrl-C in the terminal ends the walk as Escape does, so that a recording is not lost; a second
+// one kills.
+static volatile sig_atomic_t interrupted;
+
+static void on_signal(int number)
+{
+    (void)number;
+    interrupted = 1;
+}
 
 static const char *config_title(hw_config config)
 {
@@ -408,7 +419,7 @@ static void pace_tick(pace *p)
 static void handle_keys(walk *w)
 {
     const bool *pressed = w->input.pressed;
-    w->quit = w->quit || w->input.close || pressed[HW_KEY_QUIT];
+    w->quit = w->quit || w->input.close || pressed[HW_KEY_QUIT] || interrupted;
     if (pressed[HW_KEY_HUD])
         w->show_line = !w->show_line;
     if (pressed[HW_KEY_HELP])
@@ -496,6 +507,8 @@ static hw_status run_frames(walk *w)
         if (w->input.width > 0) {
             HW_TRY(draw_frame(w));
             pace_tick(&w->pace);
+        } else {
+            w->pace = (pace){0};
         }
         w->quit = w->quit || (options.frames && w->frame_count >= options.frames);
         hw_context_present(w->context, &w->input);
@@ -540,6 +553,9 @@ static hw_status run(int argc, const char *const *argv)
     char error[HW_ERROR_CAPACITY];
     HW_GO(open_input(w, argv[0]));
     HW_GO(open_window(w));
+    struct sigaction action = {.sa_handler = on_signal, .sa_flags = SA_RESETHAND};
+    sigaction(SIGINT, &action, NULL);
+    sigaction(SIGTERM, &action, NULL);
     double start_ms = hw_clock_ms();
     status = run_frames(w);
     hw_error_save(error);

@@ -1,8 +1,4 @@
-// The commands of `hexwalk`, in the order of help. Each lives in its own cmd_<name>.c.
 #include "options.h"
-
-extern const hw_command hw_cmd_park, hw_cmd_tour, hw_cmd_build, hw_cmd_walk, hw_cmd_render,
-    hw_cmd_measure, hw_cmd_info;
 
 const hw_command *const hw_commands[] = {
     &hw_cmd_park,   &hw_cmd_build,   &hw_cmd_tour, &hw_cmd_walk,

@@ -25,12 +25,22 @@ static void list_options(const hw_command *command, option_list *list)
                     .short_name = 'q',
                     .type = HW_OPTION_FLAG,
                     .value = &list->quiet,
-                    .help = "Write no progress and no diagnostics other than errors."};
+                    .help = "no progress, no diagnostics other than errors"};
     list->options[list->count++] = (hw_option){.name = "help",
                                                .short_name = 'h',
                                                .type = HW_OPTION_FLAG,
                                                .value = &list->help,
-                                               .help = "Show this help."};
+                                               .help = "show this help"};
+}
+
+// What stands for the value: the metavar, else the choices themselves. NULL for flags.
+static const char *metavar(const hw_option *o)
+{
+    if (o->type == HW_OPTION_FLAG)
+        return NULL;
+    if (o->metavar)
+        return o->metavar;
+    return o->type == HW_OPTION_CHOICE ? o->choices : "VALUE";
 }
 
 // --- Finding options ----------------------------------------------------------------------------
@@ -208,7 +218,7 @@ static hw_status take_value(argument *a, const char *attached, int left, const c
     if (attached)
         return HW_OK;
     if (left < 2)
-        return hw_fail(HW_USAGE, "%s needs a value (%s)", words[0], a->option->metavar);
+        return hw_fail(HW_USAGE, "%s needs a value (%s)", words[0], metavar(a->option));
     a->value = words[1];
     a->used = 2;
     return HW_OK;
@@ -319,15 +329,32 @@ static bool format_value(const hw_option *o, char *out, size_t size)
     return false;
 }
 
-// The help sentence with choices and default appended: "Sentence. (a|b|c; default: a)".
+// Text as a sentence: a capital, one full stop. `more` is put before the stop.
+static void format_sentence(const char *text, const char *more, char *out, size_t size)
+{
+    size_t length = strlen(text);
+    if (length && text[length - 1] == '.')
+        length--;
+    snprintf(out, size, "%.*s%s.", (int)length, text, more);
+    if (out[0] >= 'a' && out[0] <= 'z')
+        out[0] = (char)(out[0] - 'a' + 'A');
+}
+
+// The help sentence with choices and default: "Sentence (a|b|c; default: a)."
 static void format_help(const hw_option *o, char *out, size_t size)
 {
-    char value[256];
+    char value[256], more[600] = "";
     bool shown = format_value(o, value, sizeof value);
-    bool choices = o->type == HW_OPTION_CHOICE;
-    snprintf(out, size, "%s%s%s%s%s%s%s", o->help, choices || shown ? " (" : "",
-             choices ? o->choices : "", choices && shown ? "; " : "", shown ? "default: " : "",
-             shown ? value : "", choices || shown ? ")" : "");
+    bool choices = o->type == HW_OPTION_CHOICE && o->metavar;
+    if (choices || shown)
+        snprintf(more, sizeof more, " (%s%s%s%s)", choices ? o->choices : "",
+                 choices && shown ? "; " : "", shown ? "default: " : "", shown ? value : "");
+    format_sentence(o->help, more, out, size);
+}
+
+static const char *command_text(const hw_command *command)
+{
+    return command->description ? command->description : command->summary;
 }
 
 // Writes the words of `text` from column `column` on, broken at HELP_COLUMNS, further lines
@@ -363,20 +390,20 @@ void hw_command_help(const hw_command *command, FILE *out)
     option_list list;
     list_options(command, &list);
     fprintf(out, "Usage: hexwalk %s %s [OPTION]...\n\n", command->name, command->arguments);
-    write_wrapped(out, command->description ? command->description : command->summary, 0, 0);
+    write_wrapped(out, command_text(command), 0, 0);
     fprintf(out, "\nOptions:\n");
     size_t widest = 0;
     for (uint32_t i = 0; i < list.count; i++) {
         const hw_option *o = &list.options[i];
-        size_t width = strlen(o->name) + (o->metavar ? 1 + strlen(o->metavar) : 0);
+        size_t width = strlen(o->name) + (metavar(o) ? 1 + strlen(metavar(o)) : 0);
         widest = width > widest ? width : widest;
     }
     size_t indent = 10 + widest;
     for (uint32_t i = 0; i < list.count; i++) {
         const hw_option *o = &list.options[i];
         char help[1024], name[128];
-        snprintf(name, sizeof name, "%s%s%s", o->name, o->metavar ? " " : "",
-                 o->metavar ? o->metavar : "");
+        snprintf(name, sizeof name, "%s%s%s", o->name, metavar(o) ? " " : "",
+                 metavar(o) ? metavar(o) : "");
         fprintf(out, o->short_name ? "  -%c, " : "  %c   ", o->short_name ? o->short_name : ' ');
         fprintf(out, "--%-*s  ", (int)widest, name);
         format_help(o, help, sizeof help);
@@ -389,8 +416,11 @@ void hw_program_help(FILE *out)
     fprintf(out, "Usage: hexwalk COMMAND [ARGUMENT]...\n\n"
                  "Precomputes hexagonal view cells of large scenes and walks through them.\n\n"
                  "Commands:\n");
-    for (const hw_command *const *c = hw_commands; *c; c++)
-        fprintf(out, "  %-10s %s\n", (*c)->name, (*c)->summary);
+    for (const hw_command *const *c = hw_commands; *c; c++) {
+        char summary[256];
+        format_sentence((*c)->summary, "", summary, sizeof summary);
+        fprintf(out, "  %-10s %s\n", (*c)->name, summary);
+    }
     fprintf(out, "  %-10s Show help on a command.\n", "help");
     fprintf(out, "  %-10s Write the man page to standard output.\n\n", "man");
     fprintf(out, "'hexwalk help COMMAND' lists a command's options; 'hexwalk --version' tells the "
@@ -428,8 +458,10 @@ static void write_man_option(FILE *out, const hw_option *o)
     fputs("\\fB\\-\\-", out);
     for (const char *p = o->name; *p; p++)
         fprintf(out, *p == '-' ? "\\-" : "%c", *p);
-    fprintf(out, "\\fR%s%s%s\n", o->metavar ? " \\fI" : "", o->metavar ? o->metavar : "",
-            o->metavar ? "\\fR" : "");
+    fputs("\\fR", out);
+    if (metavar(o))
+        fprintf(out, " \\fI%s\\fR", metavar(o));
+    fputc('\n', out);
     format_help(o, help, sizeof help);
     write_roff(out, help);
 }
@@ -442,7 +474,7 @@ static void write_man_command(FILE *out, const hw_command *command)
     char usage[512];
     snprintf(usage, sizeof usage, "hexwalk %s %s", command->name, command->arguments);
     write_roff(out, usage);
-    write_roff(out, command->description ? command->description : command->summary);
+    write_roff(out, command_text(command));
     for (uint32_t i = 0; i + 2 < list.count; i++) // without --quiet and --help
         write_man_option(out, &list.options[i]);
 }

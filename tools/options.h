@@ -38,7 +38,10 @@ typedef struct hw_command {
     hw_status (*run)(int argc, const char *const *argv);
 } hw_command;
 
-// All commands, in the order of help; ends with a NULL name.
+// Each in its own cmd_<name>.c.
+extern const hw_command hw_cmd_park, hw_cmd_build, hw_cmd_tour, hw_cmd_walk, hw_cmd_render,
+    hw_cmd_measure, hw_cmd_info;
+// All commands, in the order of help; ends with NULL.
 extern const hw_command *const hw_commands[];
 
 // Parses argv (without program and subcommand). Positional arguments are moved to the front of argv

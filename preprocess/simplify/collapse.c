@@ -1,7 +1,8 @@
 #include "collapse.h"
 #include "alloc.h"
 #include "metric.h"
-#include <assert.h>
+#include "split.h"
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -219,34 +220,43 @@ static void examine_edges(hw_collapser *c)
 }
 
 hw_status hw_collapser_create(const double (*positions)[3], uint32_t vertex_count, const uint32_t *indices,
-                              uint32_t face_count, const bool *locked, hw_collapser **out)
+                              uint32_t face_count, const bool *locked, hw_complex_edges complex, hw_collapser **out)
 {
     hw_status status;
     hw_collapser *c = NULL;
+    hw_split split = {0};
     *out = NULL;
     if (face_count > UINT32_MAX / 3 - 1)
         return hw_fail(HW_LIMIT, "a mesh of %u faces is too large to simplify", face_count);
     HW_GO(HW_NEW(&c, 1));
-    c->vertex_count = vertex_count;
+    if (complex == HW_COMPLEX_SPLIT) {
+        HW_GO(hw_split_sheets(positions, vertex_count, indices, face_count, &split));
+        indices = split.indices;
+    }
+    c->vertex_count = split.indices ? split.vertex_count : vertex_count;
     c->face_count = face_count;
-    HW_GO(HW_NEW(&c->positions, vertex_count));
+    HW_GO(HW_NEW(&c->positions, c->vertex_count));
+    HW_GO(HW_NEW(&c->source, c->vertex_count));
     HW_GO(HW_NEW(&c->faces, face_count));
-    HW_GO(HW_NEW(&c->first_corner, vertex_count));
+    HW_GO(HW_NEW(&c->first_corner, c->vertex_count));
     HW_GO(HW_NEW(&c->next_corner, 3 * (size_t)face_count));
-    HW_GO(HW_NEW(&c->locked, vertex_count));
-    HW_GO(HW_NEW(&c->border, vertex_count));
+    HW_GO(HW_NEW(&c->locked, c->vertex_count));
+    HW_GO(HW_NEW(&c->border, c->vertex_count));
     HW_GO(HW_NEW(&c->queue, 1));
-    HW_GO(HW_NEW(&c->queue->generation, vertex_count));
-    HW_GO(HW_NEW(&c->queue->touched, vertex_count));
-    HW_GO(HW_NEW(&c->queue->mark, vertex_count));
-    memcpy(c->positions, positions, vertex_count * sizeof *positions);
-    if (locked)
-        memcpy(c->locked, locked, vertex_count * sizeof *locked);
+    HW_GO(HW_NEW(&c->queue->generation, c->vertex_count));
+    HW_GO(HW_NEW(&c->queue->touched, c->vertex_count));
+    HW_GO(HW_NEW(&c->queue->mark, c->vertex_count));
+    for (uint32_t v = 0; v < c->vertex_count; v++) {
+        c->source[v] = split.indices ? split.source[v] : v;
+        memcpy(c->positions[v], positions[c->source[v]], sizeof *positions);
+        c->locked[v] = locked && locked[c->source[v]];
+    }
     link_faces(c, indices, face_count);
     examine_edges(c);
     *out = c;
     c = NULL;
 out:
+    hw_split_free(&split);
     hw_collapser_destroy(c);
     return status;
 }
@@ -263,6 +273,7 @@ void hw_collapser_destroy(hw_collapser *c)
         hw_free(c->queue);
     }
     hw_free(c->positions);
+    hw_free(c->source);
     hw_free(c->faces);
     hw_free(c->first_corner);
     hw_free(c->next_corner);
@@ -314,6 +325,13 @@ static hw_status fill_queue(hw_collapser *c, const hw_metric *metric)
     return HW_OK;
 }
 
+// Whether the edge belongs to a lone tetrahedron, which vanishes with it.
+static bool whole_component(const hw_collapser *c, uint32_t kept, uint32_t removed, uint32_t shared)
+{
+    return shared == 2 && hw_collapser_star(c, kept, removed, NULL, 0) == 4 &&
+           hw_collapser_star(c, kept, HW_NO_VERTEX, NULL, 0) == 3 && hw_collapser_star(c, removed, HW_NO_VERTEX, NULL, 0) == 3;
+}
+
 static bool collapse_valid(const hw_collapser *c, uint32_t kept, uint32_t removed, const hw_collapse *collapse)
 {
     if (c->locked[removed])
@@ -325,8 +343,8 @@ static bool collapse_valid(const hw_collapser *c, uint32_t kept, uint32_t remove
         return false;
     if (shared == 2 && c->border[kept] && c->border[removed])
         return false;
-    if (hw_collapser_star(c, kept, removed, NULL, 0) <= 2 * shared)
-        return false; // a tetrahedron or a lone pair of faces would vanish
+    if (whole_component(c, kept, removed, shared))
+        return c->live_faces > 4; // a closed speck may vanish, but not the whole mesh
     return faces_stay(c, kept, removed, collapse->position) && faces_stay(c, removed, kept, collapse->position);
 }
 
@@ -338,20 +356,35 @@ static void unlink_corner(hw_collapser *c, uint32_t v, uint32_t face)
     *link = c->next_corner[*link];
 }
 
+static void remove_face(hw_collapser *c, uint32_t face)
+{
+    uint32_t *t = c->faces[face];
+    for (int i = 0; i < 3; i++)
+        unlink_corner(c, t[i], face);
+    t[0] = t[1] = t[2] = HW_NO_VERTEX;
+    c->live_faces--;
+}
+
+// Removes a small component, all of whose faces touch a or b.
+static void remove_component(hw_collapser *c, uint32_t a, uint32_t b)
+{
+    while (c->first_corner[a] != HW_NO_VERTEX)
+        remove_face(c, c->first_corner[a] / 3);
+    while (c->first_corner[b] != HW_NO_VERTEX)
+        remove_face(c, c->first_corner[b] / 3);
+}
+
 static void carry_out(hw_collapser *c, uint32_t kept, uint32_t removed, const double position[3])
 {
+    if (whole_component(c, kept, removed, shared_faces(c, kept, removed))) {
+        remove_component(c, kept, removed);
+        return;
+    }
     // Faces on the edge vanish.
     for (uint32_t k = c->first_corner[removed], next; k != HW_NO_VERTEX; k = next) {
         next = c->next_corner[k];
-        uint32_t *face = c->faces[k / 3];
-        if (!face_has(face, kept))
-            continue;
-        for (int i = 0; i < 3; i++)
-            if (face[i] != removed)
-                unlink_corner(c, face[i], k / 3);
-        unlink_corner(c, removed, k / 3);
-        face[0] = face[1] = face[2] = HW_NO_VERTEX;
-        c->live_faces--;
+        if (face_has(c->faces[k / 3], kept))
+            remove_face(c, k / 3);
     }
     // The others move over to the kept vertex.
     uint32_t last = HW_NO_VERTEX;
@@ -398,6 +431,15 @@ static hw_status requeue(hw_collapser *c, const hw_metric *metric, uint32_t v)
     return HW_OK;
 }
 
+// A forbidden collapse may become possible when its neighbourhood has changed: it is tried again once the queue has reached
+// twice its cost. Costs double each time, so that this ends (at infinity, or at the caller's limit).
+static hw_status retry_later(struct hw_collapse_queue *q, queue_entry entry)
+{
+    float next = q->count > 0 ? q->heap[0].cost : entry.cost;
+    entry.cost = 2 * fmaxf(entry.cost, next) + FLT_MIN;
+    return entry.cost < INFINITY ? heap_push(q, entry) : HW_OK;
+}
+
 // Takes the top entry; collapses it if it is still current and allowed.
 static hw_status step(hw_collapser *c, const hw_metric *metric)
 {
@@ -413,8 +455,10 @@ static hw_status step(hw_collapser *c, const hw_metric *metric)
     hw_collapse collapse = {.cost = INFINITY};
     metric->evaluate(metric->context, c, top.a, top.b, &collapse);
     uint32_t kept = collapse.kept, removed = kept == top.a ? top.b : top.a;
-    if (!(collapse.cost < INFINITY) || !collapse_valid(c, kept, removed, &collapse))
-        return HW_OK; // comes back when its neighbourhood changes
+    if (!(collapse.cost < INFINITY))
+        return HW_OK;
+    if (!collapse_valid(c, kept, removed, &collapse))
+        return retry_later(q, top);
     carry_out(c, kept, removed, collapse.position);
     if (metric->collapsed)
         metric->collapsed(metric->context, kept, removed);

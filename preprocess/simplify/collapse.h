@@ -12,7 +12,8 @@
 
 // Read-only for metrics. Corners are 3 * face + k; the faces round a vertex are the linked list of its corners.
 typedef struct hw_collapser {
-    uint32_t vertex_count, face_count; // as created
+    uint32_t vertex_count, face_count; // as created; vertex_count includes vertices that were split off
+    uint32_t *source;                  // per vertex: the caller's vertex
     uint32_t live_faces;
     double (*positions)[3];
     uint32_t (*faces)[3];   // faces[f][0] == HW_NO_VERTEX: removed
@@ -37,10 +38,15 @@ typedef struct hw_collapse_limits {
     double cost;     // stop when the cheapest edge costs more; INFINITY = no limit
 } hw_collapse_limits;
 
-// Copies positions (3 doubles each) and faces. Faces with an index out of range or two equal indices are dropped; edges of more
-// than two faces lock their ends. `locked` may be NULL.
+// What becomes of edges with more than two faces, and of vertices where several sheets touch. Splitting gives each sheet vertices of its own (at an edge
+// of four faces, those that bound the same solid stay together), so that scans with pinches simplify as if they were manifold. Locking leaves the
+// connectivity as it is and keeps the ends of such edges.
+typedef enum hw_complex_edges { HW_COMPLEX_LOCK, HW_COMPLEX_SPLIT } hw_complex_edges;
+
+// Copies positions (3 doubles each) and faces. Faces with an index out of range or two equal indices are dropped. `locked` may be NULL.
 HW_MUST_USE hw_status hw_collapser_create(const double (*positions)[3], uint32_t vertex_count, const uint32_t *indices,
-                                          uint32_t face_count, const bool *locked, hw_collapser **out);
+                                          uint32_t face_count, const bool *locked, hw_complex_edges complex,
+                                          hw_collapser **out);
 void hw_collapser_destroy(hw_collapser *collapser);
 
 // Collapses edges in order of rising cost until a limit is met or nothing can be collapsed. May be called again with lower limits and the

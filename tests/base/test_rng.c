@@ -94,7 +94,8 @@ static void the_system_is_measured(void **state)
     assert_int_equal(block[size / 2], 1);
     free(block);
     assert_true(grown >= rss + size / 2);
-    assert_true(hw_rss_peak_bytes() >= grown);
+    // The block is gone, the peak remembers it (the kernel's two counters differ by some pages).
+    assert_true(hw_rss_peak_bytes() >= rss + size / 2);
     assert_true(hw_clock_ms() >= before);
 }
 

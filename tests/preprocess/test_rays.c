@@ -103,7 +103,8 @@ static void test_many_equals_one_by_one(void **state)
         directions[i] = hw_v3(1, 0.012f * (float)(i - 11), 0.002f * (float)(i - 11));
     for (uint32_t object = 0; object < 2; object++) {
         int found = 0;
-        hw_rays_cast_object_many(rays, object, hw_v3(0, 0, 0), directions, COUNT, INFINITY, hits);
+        hw_rays_cast_object_many(rays, object, hw_v3(0, 0, 0), directions, COUNT, object == 0,
+                                 INFINITY, hits);
         for (int i = 0; i < COUNT; i++) {
             hw_hit one =
                 hw_rays_cast_object(rays, object, hw_v3(0, 0, 0), directions[i], 0, INFINITY);

@@ -1,0 +1,318 @@
+#include "capture.h"
+#include "alloc.h"
+#include "appearance.h"
+#include "image_io.h"
+#include <assert.h>
+
+struct hw_capturer {
+    const hw_scene *scene;
+    const hw_rays *rays;
+    hw_sampler **samplers; // one per material, NULL if it has no texture
+};
+
+hw_status hw_capturer_create(const hw_scene *scene, const hw_rays *scene_rays, hw_capturer **out)
+{
+    hw_status status = HW_OK;
+    hw_capturer *capturer = NULL;
+    *out = NULL;
+    for (uint32_t i = 0; i < scene->mesh_count; i++)
+        if (!scene->meshes[i].normals)
+            return hw_fail(HW_USAGE, "%s: captures need normals",
+                           scene->meshes[i].name ? scene->meshes[i].name : "a mesh");
+    HW_GO(HW_NEW(&capturer, 1));
+    capturer->scene = scene;
+    capturer->rays = scene_rays;
+    HW_GO(HW_NEW(&capturer->samplers, scene->material_count));
+    for (uint32_t i = 0; i < scene->material_count; i++)
+        if (scene->materials[i].texture.data)
+            HW_GO(hw_sampler_create(&capturer->samplers[i], &scene->materials[i].texture));
+    *out = capturer;
+    capturer = NULL;
+out:
+    hw_capturer_destroy(capturer);
+    return status;
+}
+
+void hw_capturer_destroy(hw_capturer *capturer)
+{
+    if (!capturer)
+        return;
+    for (uint32_t i = 0; capturer->samplers && i < capturer->scene->material_count; i++)
+        hw_sampler_destroy(capturer->samplers[i]);
+    hw_free(capturer->samplers);
+    hw_free(capturer);
+}
+
+typedef struct rgb {
+    float r, g, b;
+} rgb;
+
+// What shading one object takes; one per capture, so `lit` needs no lock.
+typedef struct shader {
+    const hw_mesh *mesh;
+    const hw_sampler *sampler; // NULL without texture or uvs
+    float base[3];
+    hw_vec3 inverse[3];      // columns of world to mesh: their products with a normal turn it to
+                             // the world, by the inverse transpose
+    hw_vec3 axis, right, up; // the window's directions in mesh space
+    float step_x, step_y;    // of one sample, plane coordinates
+    // Light x vertex colour x base colour at the corners of the triangle met last: neighbouring
+    // samples mostly meet the same one.
+    uint32_t lit_triangle;
+    rgb lit[3];
+} shader;
+
+static rgb light_vertex(const shader *s, uint32_t vertex)
+{
+    hw_vec3 n = s->mesh->normals[vertex];
+    n = hw_v3(hw_v3_dot(s->inverse[0], n), hw_v3_dot(s->inverse[1], n),
+              hw_v3_dot(s->inverse[2], n));
+    float light = hw_light(hw_v3_normalize(n));
+    rgb color = {s->base[0] * light, s->base[1] * light, s->base[2] * light};
+    if (s->mesh->colors) {
+        hw_color8 c = s->mesh->colors[vertex];
+        color.r *= (float)c.r / 255;
+        color.g *= (float)c.g / 255;
+        color.b *= (float)c.b / 255;
+    }
+    return color;
+}
+
+// Derivatives of (u, v) by one sample's step in the window, by the plane of the triangle (Igehy,
+// Tracing Ray Differentials, SIGGRAPH 1999).
+static void footprint(const shader *s, const uint32_t *t, hw_vec3 direction, float distance,
+                      float dx[2], float dy[2])
+{
+    const hw_vec3 *p = s->mesh->positions;
+    const hw_uv *uv = s->mesh->uvs;
+    hw_vec3 e1 = hw_v3_sub(p[t[1]], p[t[0]]), e2 = hw_v3_sub(p[t[2]], p[t[0]]);
+    hw_vec3 normal = hw_v3_cross(e1, e2);
+    float facing = hw_v3_dot(direction, normal), area2 = hw_v3_dot(normal, normal);
+    float du1 = uv[t[1]].u - uv[t[0]].u, dv1 = uv[t[1]].v - uv[t[0]].v;
+    float du2 = uv[t[2]].u - uv[t[0]].u, dv2 = uv[t[2]].v - uv[t[0]].v;
+    hw_vec3 steps[2] = {hw_v3_scale(s->right, s->step_x), hw_v3_scale(s->up, s->step_y)};
+    float *out[2] = {dx, dy};
+    for (int k = 0; k < 2; k++) {
+        // P = o + t d stays in the plane: dP = t (dd - d (dd . n) / (d . n)).
+        float along = hw_v3_dot(steps[k], normal) / facing;
+        hw_vec3 move = hw_v3_scale(hw_v3_mad(steps[k], direction, -along), distance);
+        float b1 = hw_v3_dot(hw_v3_cross(move, e2), normal) / area2;
+        float b2 = hw_v3_dot(hw_v3_cross(e1, move), normal) / area2;
+        out[k][0] = b1 * du1 + b2 * du2;
+        out[k][1] = b1 * dv1 + b2 * dv2;
+        if (!isfinite(out[k][0]) || !isfinite(out[k][1])) // seen edge on
+            out[k][0] = out[k][1] = 1;
+    }
+}
+
+static rgb shade(shader *s, const hw_hit *hit, float x, float y)
+{
+    const uint32_t *t = s->mesh->indices + 3 * (size_t)hit->triangle_idx;
+    if (s->lit_triangle != hit->triangle_idx) {
+        s->lit_triangle = hit->triangle_idx;
+        for (int k = 0; k < 3; k++)
+            s->lit[k] = light_vertex(s, t[k]);
+    }
+    float u = hit->u, v = hit->v, w = 1 - u - v;
+    rgb color = {w * s->lit[0].r + u * s->lit[1].r + v * s->lit[2].r,
+                 w * s->lit[0].g + u * s->lit[1].g + v * s->lit[2].g,
+                 w * s->lit[0].b + u * s->lit[1].b + v * s->lit[2].b};
+    if (!s->sampler)
+        return color;
+    const hw_uv *uv = s->mesh->uvs;
+    float dx[2], dy[2], texture[3];
+    hw_vec3 direction = hw_v3_mad(hw_v3_mad(s->axis, s->right, x), s->up, y);
+    footprint(s, t, direction, hit->t, dx, dy);
+    hw_sampler_lookup(s->sampler, w * uv[t[0]].u + u * uv[t[1]].u + v * uv[t[2]].u,
+                      w * uv[t[0]].v + u * uv[t[1]].v + v * uv[t[2]].v, dx, dy, texture);
+    return (rgb){color.r * texture[0], color.g * texture[1], color.b * texture[2]};
+}
+
+static uint8_t to_byte(float value)
+{
+    return (uint8_t)(fminf(fmaxf(value, 0), 1) * 255 + 0.5f);
+}
+
+// One row of texels. The rays of a texel lie side by side in `directions` and `hits`, so that a
+// packet of rays covers a compact patch.
+typedef struct row_job {
+    const hw_capturer *capturer;
+    const hw_capture_window *window;
+    uint32_t object_idx, samples;
+    bool coherent;
+    float centre_distance[HW_CAPTURE_SAMPLES_MAX * HW_CAPTURE_SAMPLES_MAX];
+    hw_vec3 axis, right, up; // world
+    hw_vec3 *directions;
+    hw_hit *hits;
+    shader shader;
+} row_job;
+
+static float sample_x(const row_job *job, uint32_t i, uint32_t k)
+{
+    return job->window->x_min +
+           ((float)(i * job->samples + k % job->samples) + 0.5f) * job->shader.step_x;
+}
+
+static float sample_y(const row_job *job, uint32_t j, uint32_t k)
+{
+    return job->window->y_min +
+           ((float)(j * job->samples + k / job->samples) + 0.5f) * job->shader.step_y;
+}
+
+static void resolve_texel(row_job *job, uint32_t i, uint32_t j, hw_capture *out)
+{
+    uint32_t per_texel = job->samples * job->samples, covered = 0;
+    const hw_hit *hits = job->hits + (size_t)i * per_texel;
+    float nearest = INFINITY, depth = INFINITY;
+    rgb sum = {0, 0, 0};
+    for (uint32_t k = 0; k < per_texel; k++) {
+        if (hits[k].t == INFINITY)
+            continue;
+        rgb color = shade(&job->shader, &hits[k], sample_x(job, i, k), sample_y(job, j, k));
+        sum = (rgb){sum.r + color.r, sum.g + color.g, sum.b + color.b};
+        covered++;
+        if (job->centre_distance[k] < nearest) {
+            nearest = job->centre_distance[k];
+            depth = hits[k].t;
+        }
+    }
+    size_t texel = (size_t)j * out->width + i;
+    out->depths[texel] = depth;
+    if (covered == 0)
+        return;
+    float n = (float)covered;
+    out->colors[texel] =
+        (hw_color8){to_byte(sum.r / n), to_byte(sum.g / n), to_byte(sum.b / n), 255};
+}
+
+static void capture_row(row_job *job, uint32_t j, hw_capture *out)
+{
+    uint32_t per_texel = job->samples * job->samples, n = 0;
+    for (uint32_t i = 0; i < out->width; i++)
+        for (uint32_t k = 0; k < per_texel; k++)
+            job->directions[n++] = hw_v3_mad(hw_v3_mad(job->axis, job->right, sample_x(job, i, k)),
+                                             job->up, sample_y(job, j, k));
+    hw_rays_cast_object_many(job->capturer->rays, job->object_idx, job->window->centre,
+                             job->directions, n, job->coherent, INFINITY, job->hits);
+    for (uint32_t i = 0; i < out->width; i++)
+        resolve_texel(job, i, j, out);
+}
+
+static hw_status set_up_job(row_job *job, const hw_capturer *capturer, uint32_t object_idx,
+                            const hw_capture_window *window, uint32_t samples)
+{
+    const hw_object *object = &capturer->scene->objects[object_idx];
+    const hw_mesh *mesh = &capturer->scene->meshes[object->mesh_idx];
+    *job = (row_job){
+        .capturer = capturer, .window = window, .object_idx = object_idx, .samples = samples};
+    for (uint32_t k = 0; k < samples * samples; k++) {
+        // Twice the offset from the centre, in whole steps: exact, so equal ones are equal.
+        float x = (float)(2 * (k % samples) + 1) - (float)samples;
+        float y = (float)(2 * (k / samples) + 1) - (float)samples;
+        job->centre_distance[k] = x * x + y * y;
+    }
+    hw_face_basis(window->face, &job->axis, &job->right, &job->up);
+    hw_mat4 inverse;
+    (void)hw_mat4_inverse(object->transform,
+                          &inverse); // the rays would not have taken a singular one
+    job->shader = (shader){
+        .mesh = mesh,
+        .sampler = mesh->uvs ? capturer->samplers[object->material_idx] : NULL,
+        .inverse = {hw_mat4_direction(&inverse, hw_v3(1, 0, 0)),
+                    hw_mat4_direction(&inverse, hw_v3(0, 1, 0)),
+                    hw_mat4_direction(&inverse, hw_v3(0, 0, 1))},
+        .axis = hw_mat4_direction(&inverse, job->axis),
+        .right = hw_mat4_direction(&inverse, job->right),
+        .up = hw_mat4_direction(&inverse, job->up),
+        .step_x = (window->x_max - window->x_min) / (float)(window->width * samples),
+        .step_y = (window->y_max - window->y_min) / (float)(window->height * samples),
+        .lit_triangle = UINT32_MAX,
+    };
+    for (int k = 0; k < 3; k++)
+        job->shader.base[k] = capturer->scene->materials[object->material_idx].base_color[k];
+    size_t rays = (size_t)window->width * samples * samples;
+    // Measured: coherent traversal wins as soon as there are a few rays per visible triangle.
+    job->coherent = rays * window->height > mesh->index_count / 3 / 4;
+    HW_TRY(HW_NEW(&job->directions, rays));
+    return HW_NEW(&job->hits, rays);
+}
+
+#define SIDE_MAX 32768
+
+hw_status hw_capture_object(const hw_capturer *capturer, uint32_t object_idx,
+                            const hw_capture_window *window, uint32_t samples, hw_capture *out)
+{
+    hw_status status = HW_OK;
+    row_job job = {0};
+    *out = (hw_capture){0};
+    assert(object_idx < capturer->scene->object_count);
+    assert(samples >= 1 && samples <= HW_CAPTURE_SAMPLES_MAX);
+    if (window->width == 0 || window->height == 0 || window->width > SIDE_MAX ||
+        window->height > SIDE_MAX || !(window->x_max > window->x_min) ||
+        !(window->y_max > window->y_min))
+        return hw_fail(HW_USAGE, "object %u: an empty or oversized capture window of %u x %u",
+                       object_idx, window->width, window->height);
+    HW_GO(set_up_job(&job, capturer, object_idx, window, samples));
+    out->width = window->width;
+    out->height = window->height;
+    HW_GO(HW_NEW(&out->colors, (size_t)out->width * out->height));
+    HW_GO(HW_NEW(&out->depths, (size_t)out->width * out->height));
+    for (uint32_t j = 0; j < out->height; j++)
+        capture_row(&job, j, out);
+out:
+    hw_free(job.directions);
+    hw_free(job.hits);
+    if (status != HW_OK)
+        hw_capture_free(out);
+    return status;
+}
+
+// A texel filled by step k of the dilation carries a = k meanwhile; before `step` these are filled.
+static bool is_filled(hw_color8 color, uint32_t step)
+{
+    return color.a == 255 || (color.a > 0 && color.a < step);
+}
+
+static void fill_texel(hw_capture *capture, uint32_t x, uint32_t y, uint32_t step)
+{
+    uint32_t r = 0, g = 0, b = 0, n = 0;
+    uint32_t x_last = x + 1 < capture->width ? x + 1 : x;
+    uint32_t y_last = y + 1 < capture->height ? y + 1 : y;
+    for (uint32_t j = y > 0 ? y - 1 : 0; j <= y_last; j++)
+        for (uint32_t i = x > 0 ? x - 1 : 0; i <= x_last; i++) {
+            hw_color8 c = capture->colors[(size_t)j * capture->width + i];
+            if (!is_filled(c, step))
+                continue;
+            r += c.r;
+            g += c.g;
+            b += c.b;
+            n++;
+        }
+    if (n > 0)
+        capture->colors[(size_t)y * capture->width + x] =
+            (hw_color8){(uint8_t)((r + n / 2) / n), (uint8_t)((g + n / 2) / n),
+                        (uint8_t)((b + n / 2) / n), (uint8_t)step};
+}
+
+void hw_capture_dilate(hw_capture *capture, uint32_t texels)
+{
+    uint32_t steps = texels < 254 ? texels : 254;
+    size_t count = (size_t)capture->width * capture->height;
+    for (uint32_t step = 1; step <= steps; step++)
+        for (uint32_t y = 0; y < capture->height; y++)
+            for (uint32_t x = 0; x < capture->width; x++)
+                if (capture->colors[(size_t)y * capture->width + x].a == 0)
+                    fill_texel(capture, x, y, step);
+    for (size_t i = 0; i < count; i++)
+        if (capture->colors[i].a != 255)
+            capture->colors[i].a = 0;
+}
+
+void hw_capture_free(hw_capture *capture)
+{
+    if (!capture)
+        return;
+    hw_free(capture->colors);
+    hw_free(capture->depths);
+    *capture = (hw_capture){0};
+}

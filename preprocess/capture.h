@@ -1,0 +1,53 @@
+// Captures: the colours and depths of one object, cast from a cell's centre through a window on one
+// of the cell's faces (thesis 5.2.1, SVMesh derivation, step 1).
+#pragma once
+#include "hexgrid.h"
+#include "rays.h"
+
+// A rectangle of the plane at distance 1 from `centre` along the axis of `face` (hw_face_basis):
+// the ray of plane point (x, y) is axis + x right + y up. Row 0 is the lowest (y_min); texel (i, j)
+// has its centre at x_min + (i + 0.5) / width * (x_max - x_min), and alike in y.
+typedef struct hw_capture_window {
+    hw_vec3 centre; // of projection, world space
+    int face;       // 0..5
+    float x_min, x_max, y_min, y_max;
+    uint32_t width, height; // texels
+} hw_capture_window;
+
+// Texel (i, j) is element j * width + i. Zero-initialise; free with hw_capture_free.
+typedef struct hw_capture {
+    uint32_t width, height;
+    hw_color8 *colors; // a = 255 where any sample met the object, 0 elsewhere
+    float *depths; // along the face's axis (not along the ray), world units; INFINITY where a = 0
+} hw_capture;
+
+#define HW_CAPTURE_SAMPLES_MAX 8
+
+typedef struct hw_capturer hw_capturer;
+// Borrows the scene and its rays (hw_rays_create_scene); owns samplers of the materials' textures.
+// HW_USAGE names a mesh without normals.
+HW_MUST_USE hw_status hw_capturer_create(const hw_scene *scene, const hw_rays *scene_rays,
+                                         hw_capturer **out);
+void hw_capturer_destroy(hw_capturer *capturer);
+
+// Captures one object alone (others neither show nor occlude) with samples x samples rays a texel,
+// on a regular grid; samples in 1..HW_CAPTURE_SAMPLES_MAX. Only what lies in front of the centre
+// shows; both faces of triangles do.
+//
+// A sample's colour is texture (filtered over the sample's footprint; none without uvs) x base
+// colour x the interpolation over the triangle of vertex colour x hw_light(world normal): per
+// vertex, as the vertex shader has it. A texel's colour is the mean of its covered samples,
+// rounded; its depth that of the covered sample nearest to its centre (of equally near ones the
+// first in rows from the lower left: with 2 x 2 samples a quarter texel down and left).
+//
+// Thread-safe; the result depends on the arguments alone. HW_USAGE for an empty window.
+HW_MUST_USE hw_status hw_capture_object(const hw_capturer *capturer, uint32_t object_idx,
+                                        const hw_capture_window *window, uint32_t samples,
+                                        hw_capture *out);
+
+// Spreads colours `texels` (at most 254) steps outwards into uncovered texels, each the mean of its
+// filled neighbours (of eight), so that neither bilinear filtering nor a mesh that exceeds the
+// original's outline meets the background. Their a stays 0 and their depth INFINITY.
+void hw_capture_dilate(hw_capture *capture, uint32_t texels);
+
+void hw_capture_free(hw_capture *capture);

@@ -1,0 +1,415 @@
+// Configuration C: near objects as shaded geometry, far ones as the cell's textured meshes
+// (projective-alike texture mapping, thesis 5.2.2).
+#include "alloc.h"
+#include "cell_gpu.h"
+#include "ground.h"
+#include "near_meshes.h"
+#include "renderer_internal.h"
+#include "shaders.h"
+#include "system.h"
+#include <string.h>
+
+#define CELLS_MAX         8u
+#define CELL_BYTES_BUDGET (UINT64_C(48) << 20) // of GPU memory, but the current cell always stays
+#define NEAR_BYTES_BUDGET (UINT64_C(96) << 20)
+
+#define STRINGIZE(x) #x
+#define VALUE(x)     STRINGIZE(x)
+
+// One record as the uniform block holds it (std140).
+typedef struct far_uniform {
+    float clip[16];
+    float texture[4];
+} far_uniform;
+_Static_assert(sizeof(far_uniform) == 80, "a far record's uniforms are 80 bytes");
+#define PAGE_BYTES (HW_FAR_PAGE_RECORDS * sizeof(far_uniform))
+
+// What the frame needs of a near object beside its mesh; per object of the manifest.
+typedef struct near_object {
+    float normal[9]; // world <- mesh, for normals; column-major
+    float stretch;
+    bool mirrored;
+} near_object;
+
+// A near object chosen for this frame.
+typedef struct near_draw {
+    uint32_t object_idx;
+    const hw_near_level *level;
+} near_draw;
+
+typedef struct near_program {
+    GLuint name;
+    GLint clip, normal, color;
+} near_program;
+
+typedef struct hybrid {
+    hw_gpu_account *account;
+    char *dataset;
+    hw_manifest manifest;
+    near_object *objects;
+    hw_near_meshes *meshes;
+    hw_cell_gpu cells[CELLS_MAX];
+    uint64_t frame; // counts prepares and draws
+    hw_ground_gl ground;
+    near_program near_plain, near_textured;
+    GLuint far_program;
+    GLint far_first_record;
+    hw_gpu_buffer far_uniforms;
+    // Scratch for the records and near objects of any loaded cell; capacities in items.
+    size_t near_capacity, far_capacity;
+    uint32_t *visible;
+    hw_cull_item *order, *order_scratch;
+    near_draw *near;
+    far_uniform *far; // whole pages
+} hybrid;
+
+// ---- making and freeing ----------------------------------------------------------------------
+
+static void hybrid_destroy(void *state)
+{
+    hybrid *h = state;
+    for (uint32_t i = 0; i < CELLS_MAX; i++)
+        hw_cell_gpu_free(h->account, &h->cells[i]);
+    hw_near_meshes_destroy(h->meshes);
+    hw_ground_gl_destroy(h->account, &h->ground);
+    hw_gpu_buffer_destroy(h->account, &h->far_uniforms);
+    const GLuint programs[] = {h->near_plain.name, h->near_textured.name, h->far_program};
+    for (size_t i = 0; i < sizeof programs / sizeof *programs; i++) {
+        if (programs[i])
+            glDeleteProgram(programs[i]);
+    }
+    hw_free(h->visible);
+    hw_free(h->order);
+    hw_free(h->order_scratch);
+    hw_free(h->near);
+    hw_free(h->far);
+    hw_free(h->objects);
+    hw_manifest_free(&h->manifest);
+    hw_free(h->dataset);
+    hw_free(h);
+}
+
+static hw_status make_near_program(const char *defines, near_program *out)
+{
+    HW_TRY(hw_gpu_program("near", defines, hw_shader_near_vert, hw_shader_near_frag, &out->name));
+    out->clip = glGetUniformLocation(out->name, "u_clip");
+    out->normal = glGetUniformLocation(out->name, "u_world_normal");
+    out->color = glGetUniformLocation(out->name, "u_base_color");
+    return HW_OK;
+}
+
+static hw_status make_far_program(hybrid *h)
+{
+    HW_TRY(hw_gpu_program("far", "#define FAR_PAGE_RECORDS " VALUE(HW_FAR_PAGE_RECORDS) "\n",
+                          hw_shader_far_vert, hw_shader_far_frag, &h->far_program));
+    h->far_first_record = glGetUniformLocation(h->far_program, "u_first_record");
+    GLuint block = glGetUniformBlockIndex(h->far_program, "FarRecords");
+    glUniformBlockBinding(h->far_program, block, 0);
+    return hw_gpu_check("far program");
+}
+
+static void make_near_object(const hw_manifest_object *object, near_object *out)
+{
+    hw_mat4 inverse;
+    (void)hw_mat4_inverse(object->transform, &inverse); // identity if singular: a flat object
+    for (int k = 0; k < 9; k++)
+        out->normal[k] = (float)inverse.m[k % 3 * 4 + k / 3];
+    out->stretch = (float)hw_mat4_stretch(&object->transform);
+    out->mirrored = hw_mat4_mirrors(&object->transform);
+}
+
+static hw_status hybrid_create(const hw_renderer_desc *desc, hw_gpu_account *account, void **state)
+{
+    hw_status status = HW_OK;
+    hybrid *h = NULL;
+    HW_TRY(HW_NEW(&h, 1));
+    h->account = account;
+    HW_GO(hw_strdup(&h->dataset, desc->dataset));
+    HW_GO(hw_manifest_read(h->dataset, &h->manifest));
+    HW_GO(HW_NEW(&h->objects, h->manifest.object_count));
+    for (uint32_t i = 0; i < h->manifest.object_count; i++)
+        make_near_object(&h->manifest.objects[i], &h->objects[i]);
+    HW_GO(hw_near_meshes_create(account, h->dataset, &h->manifest, NEAR_BYTES_BUDGET, &h->meshes));
+    HW_GO(hw_ground_gl_create(account, &h->manifest.ground, &h->ground));
+    HW_GO(make_near_program(NULL, &h->near_plain));
+    HW_GO(make_near_program("#define TEXTURED\n", &h->near_textured));
+    HW_GO(make_far_program(h));
+    *state = h;
+    h = NULL;
+out:
+    if (h)
+        hybrid_destroy(h);
+    return status;
+}
+
+// ---- loading ---------------------------------------------------------------------------------
+
+static size_t page_count(size_t records)
+{
+    return (records + HW_FAR_PAGE_RECORDS - 1) / HW_FAR_PAGE_RECORDS;
+}
+
+// Scratch that suffices for the cell.
+static hw_status reserve_scratch(hybrid *h, const hw_cell_gpu *cell)
+{
+    size_t near = cell->near_count, far = page_count(cell->far_count) * HW_FAR_PAGE_RECORDS;
+    if (near > h->near_capacity) {
+        HW_TRY(HW_RESIZE(&h->order, near));
+        HW_TRY(HW_RESIZE(&h->order_scratch, near));
+        HW_TRY(HW_RESIZE(&h->near, near));
+    }
+    if (far > h->far_capacity) {
+        HW_TRY(HW_RESIZE(&h->far, far));
+        hw_gpu_buffer_destroy(h->account, &h->far_uniforms);
+        HW_TRY(hw_gpu_buffer_create(h->account, GL_UNIFORM_BUFFER, NULL, far * sizeof *h->far,
+                                    GL_STREAM_DRAW, &h->far_uniforms));
+    }
+    near = near > h->near_capacity ? near : h->near_capacity;
+    far = far > h->far_capacity ? far : h->far_capacity;
+    HW_TRY(HW_RESIZE(&h->visible, near > far ? near : far));
+    h->near_capacity = near;
+    h->far_capacity = far;
+    return HW_OK;
+}
+
+// A slot for one more cell: empty ones first, else the cells drawn longest ago go until count and
+// bytes are within their limits.
+static hw_cell_gpu *make_room(hybrid *h)
+{
+    while (true) {
+        hw_cell_gpu *empty = NULL, *oldest = NULL;
+        uint64_t bytes = 0;
+        for (uint32_t i = 0; i < CELLS_MAX; i++) {
+            hw_cell_gpu *cell = &h->cells[i];
+            bytes += cell->gpu_bytes;
+            if (!cell->loaded)
+                empty = cell;
+            else if (!oldest || cell->used < oldest->used)
+                oldest = cell;
+        }
+        if (empty && (bytes <= CELL_BYTES_BUDGET || !oldest))
+            return empty;
+        hw_cell_gpu_free(h->account, oldest);
+    }
+}
+
+// Everything the cell needs before frames can be drawn in it, but the levels of its near meshes.
+static hw_status load_cell(hybrid *h, hw_cell_id id, hw_frame_stats *stats, hw_cell_gpu **out)
+{
+    hw_cell_gpu *cell = make_room(h);
+    stats->stalls = 1;
+    HW_TRY(hw_cell_gpu_load(h->account, h->dataset, &h->manifest, id, cell));
+    stats->loaded_bytes += cell->file_bytes;
+    hw_status status = reserve_scratch(h, cell);
+    for (uint32_t i = 0; status == HW_OK && i < cell->near_count; i++) {
+        const hw_manifest_object *object = &h->manifest.objects[cell->near[i].object_idx];
+        status = hw_near_meshes_open(h->meshes, object->mesh_idx, object->texture_idx, stats);
+    }
+    if (status != HW_OK)
+        hw_cell_gpu_free(h->account, cell);
+    *out = cell;
+    return status;
+}
+
+static hw_status find_cell(hybrid *h, const hw_camera *camera, hw_frame_stats *stats,
+                           hw_cell_gpu **out)
+{
+    hw_cell_id id = hw_hexgrid_locate(&h->manifest.grid, camera->eye.x, camera->eye.y);
+    stats->cell_q = id.q;
+    stats->cell_r = id.r;
+    stats->cell_level = id.level;
+    for (uint32_t i = 0; i < CELLS_MAX; i++) {
+        hw_cell_gpu *cell = &h->cells[i];
+        if (cell->loaded && cell->id.level == id.level && cell->id.q == id.q &&
+            cell->id.r == id.r) {
+            *out = cell;
+            return HW_OK;
+        }
+    }
+    return load_cell(h, id, stats, out);
+}
+
+// ---- near objects ----------------------------------------------------------------------------
+
+// The coarsest level whose largest error stays below the dataset's tolerance at this distance.
+static uint32_t choose_level(const hybrid *h, const hw_near_record *record, double focal_px,
+                             float distance)
+{
+    const hw_manifest_object *object = &h->manifest.objects[record->object_idx];
+    if (!(distance > 0))
+        return 0;
+    double error = h->manifest.near_error_px * distance / focal_px;
+    return hw_near_meshes_choose(h->meshes, object->mesh_idx,
+                                 error / h->objects[record->object_idx].stretch);
+}
+
+// Near objects in view, front to back, with their levels, into h->near.
+static hw_status choose_near(hybrid *h, const hw_cell_gpu *cell, const hw_camera *camera,
+                             const hw_frustum *frustum, hw_frame_stats *stats, uint32_t *out_count)
+{
+    double focal_px = hw_camera_focal_px(camera);
+    uint32_t count = hw_cull_visible(&cell->near_bounds, frustum, h->visible);
+    for (uint32_t i = 0; i < count; i++) {
+        const hw_near_record *record = &cell->near[h->visible[i]];
+        float distance =
+            hw_box_distance(h->manifest.objects[record->object_idx].bounds, camera->eye);
+        h->order[i] = (hw_cull_item){distance, h->visible[i]};
+    }
+    hw_cull_sort(h->order, count, h->order_scratch);
+    for (uint32_t i = 0; i < count; i++) {
+        const hw_near_record *record = &cell->near[h->order[i].index];
+        uint32_t level = choose_level(h, record, focal_px, h->order[i].key);
+        h->near[i].object_idx = record->object_idx;
+        HW_TRY(hw_near_meshes_get(h->meshes, h->manifest.objects[record->object_idx].mesh_idx,
+                                  level, h->frame, stats, &h->near[i].level));
+    }
+    *out_count = count;
+    return HW_OK;
+}
+
+static void draw_near(hybrid *h, uint32_t count, const hw_mat4 *matrix, hw_frame_stats *stats)
+{
+    const near_program *bound = NULL;
+    GLuint bound_texture = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        const hw_manifest_object *object = &h->manifest.objects[h->near[i].object_idx];
+        const near_object *extra = &h->objects[h->near[i].object_idx];
+        const hw_near_level *level = h->near[i].level;
+        GLuint texture = hw_near_meshes_texture(h->meshes, object->texture_idx);
+        bool textured = texture && level->has_uvs;
+        const near_program *program = textured ? &h->near_textured : &h->near_plain;
+        if (program != bound)
+            glUseProgram(program->name);
+        bound = program;
+        if (textured && texture != bound_texture) {
+            glBindTexture(GL_TEXTURE_2D, texture);
+            bound_texture = texture;
+        }
+        float clip[16];
+        hw_mat4 product = hw_mat4_mul(*matrix, object->transform);
+        hw_mat4_to_float(&product, clip);
+        glUniformMatrix4fv(program->clip, 1, GL_FALSE, clip);
+        glUniformMatrix3fv(program->normal, 1, GL_FALSE, extra->normal);
+        glUniform3fv(program->color, 1, object->color);
+        glFrontFace(extra->mirrored ? GL_CW : GL_CCW);
+        glBindVertexArray(level->array);
+        glDrawElements(GL_TRIANGLES, (GLsizei)level->index_count, level->index_type,
+                       hw_gpu_offset(0));
+        stats->near_triangles += level->index_count / 3;
+        stats->draws++;
+    }
+    glFrontFace(GL_CCW);
+}
+
+// ---- far objects -----------------------------------------------------------------------------
+
+// One range of indices: contiguous visible records.
+static void draw_range(const hw_cell_gpu *cell, uint32_t first, uint32_t end, hw_frame_stats *stats)
+{
+    uint32_t first_index = cell->far[first].first_index;
+    uint32_t count = cell->far[end - 1].first_index + cell->far[end - 1].index_count - first_index;
+    if (count == 0)
+        return;
+    glDrawElements(GL_TRIANGLES, (GLsizei)count, GL_UNSIGNED_INT,
+                   hw_gpu_offset((size_t)first_index * sizeof(uint32_t)));
+    stats->far_triangles += count / 3;
+    stats->draws++;
+}
+
+// Draws the visible records [begin, end) of h->visible, all of one page.
+static void draw_page(const hybrid *h, const hw_cell_gpu *cell, uint32_t begin, uint32_t end,
+                      hw_frame_stats *stats)
+{
+    uint32_t page = h->visible[begin] / HW_FAR_PAGE_RECORDS;
+    glUniform1i(h->far_first_record, (GLint)(page * HW_FAR_PAGE_RECORDS));
+    glBindBufferRange(GL_UNIFORM_BUFFER, 0, h->far_uniforms.name, (GLintptr)(page * PAGE_BYTES),
+                      PAGE_BYTES);
+    uint32_t start = begin;
+    for (uint32_t i = begin + 1; i <= end; i++) {
+        if (i < end && h->visible[i] == h->visible[i - 1] + 1)
+            continue;
+        draw_range(cell, h->visible[start], h->visible[i - 1] + 1, stats);
+        start = i;
+    }
+}
+
+static void draw_far(hybrid *h, const hw_cell_gpu *cell, const hw_mat4 *matrix,
+                     const hw_frustum *frustum, hw_frame_stats *stats)
+{
+    uint32_t count = hw_cull_visible(&cell->far_bounds, frustum, h->visible);
+    if (count == 0)
+        return;
+    for (uint32_t i = 0; i < count; i++) {
+        const hw_far_draw *far = &cell->far[h->visible[i]];
+        far_uniform *uniform = &h->far[h->visible[i]];
+        hw_mat4 product = hw_mat4_mul(*matrix, far->matrix);
+        hw_mat4_to_float(&product, uniform->clip);
+        memcpy(uniform->texture, far->texture, sizeof uniform->texture);
+    }
+    glUseProgram(h->far_program);
+    glBindTexture(GL_TEXTURE_2D, cell->atlas.name);
+    glBindVertexArray(cell->array);
+    glBindBuffer(GL_UNIFORM_BUFFER, h->far_uniforms.name);
+    glBufferSubData(GL_UNIFORM_BUFFER, 0, (GLsizeiptr)(page_count(cell->far_count) * PAGE_BYTES),
+                    h->far);
+    uint32_t begin = 0;
+    for (uint32_t i = 1; i <= count; i++) {
+        if (i < count &&
+            h->visible[i] / HW_FAR_PAGE_RECORDS == h->visible[begin] / HW_FAR_PAGE_RECORDS)
+            continue;
+        draw_page(h, cell, begin, i, stats);
+        begin = i;
+    }
+}
+
+// ---- frames ----------------------------------------------------------------------------------
+
+typedef struct frame_view {
+    hw_mat4 matrix;
+    hw_frustum frustum;
+    hw_cell_gpu *cell;
+    uint32_t near_count;
+} frame_view;
+
+// Loads what is missing, and chooses the near objects.
+static hw_status begin_frame(hybrid *h, const hw_camera *camera, hw_frame_stats *stats,
+                             frame_view *view)
+{
+    double start = hw_clock_ms();
+    h->frame++;
+    view->matrix = hw_camera_view_projection(camera);
+    view->frustum = hw_frustum_make(&view->matrix);
+    hw_status status = find_cell(h, camera, stats, &view->cell);
+    if (status == HW_OK) {
+        view->cell->used = h->frame;
+        status = choose_near(h, view->cell, camera, &view->frustum, stats, &view->near_count);
+    }
+    if (stats->stalls)
+        stats->load_ms = hw_clock_ms() - start;
+    return status;
+}
+
+static hw_status hybrid_prepare(void *state, const hw_camera *camera, hw_frame_stats *stats)
+{
+    frame_view view;
+    return begin_frame(state, camera, stats, &view);
+}
+
+static hw_status hybrid_draw(void *state, const hw_camera *camera, hw_frame_stats *stats)
+{
+    hybrid *h = state;
+    frame_view view;
+    HW_TRY(begin_frame(h, camera, stats, &view));
+    hw_ground_gl_begin();
+    hw_ground_gl_draw(&h->ground, &view.matrix, stats);
+    draw_near(h, view.near_count, &view.matrix, stats);
+    draw_far(h, view.cell, &view.matrix, &view.frustum, stats);
+    glBindVertexArray(0);
+    stats->triangles += stats->near_triangles + stats->far_triangles;
+    return HW_OK;
+}
+
+const hw_renderer_backend hw_draw_hybrid = {.create = hybrid_create,
+                                            .destroy = hybrid_destroy,
+                                            .prepare = hybrid_prepare,
+                                            .draw = hybrid_draw};

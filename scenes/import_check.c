@@ -1,0 +1,361 @@
+#include "import_check.h"
+#include "alloc.h"
+#include "bytes.h"
+#include "file.h"
+#include <string.h>
+#include <strings.h>
+
+#define FILE_BYTES_MAX (UINT64_C(8) << 30)
+
+// ---- OFF ----------------------------------------------------------------------------------------
+
+static hw_status fail_line(const char *path, const hw_words *w, const char *cause)
+{
+    return hw_fail(HW_FORMAT, "%s: line %llu: %s", path, (unsigned long long)w->line, cause);
+}
+
+static hw_status off_vertices(const char *path, hw_words *w, int64_t count)
+{
+    for (int64_t i = 0; i < count; i++) {
+        if (!hw_words_line(w))
+            return hw_fail(HW_FORMAT, "%s: truncated after %lld of %lld vertices", path,
+                           (long long)i, (long long)count);
+        for (int k = 0; k < 3; k++)
+            if (!hw_words_number(w))
+                return fail_line(path, w, "three coordinates expected");
+    }
+    return HW_OK;
+}
+
+static hw_status off_faces(const char *path, hw_words *w, int64_t count, int64_t vertices)
+{
+    for (int64_t i = 0; i < count; i++) {
+        int64_t corners, index;
+        if (!hw_words_line(w))
+            return hw_fail(HW_FORMAT, "%s: truncated after %lld of %lld faces", path, (long long)i,
+                           (long long)count);
+        if (!hw_words_integer(w, &corners) || corners < 0)
+            return fail_line(path, w, "a number of corners expected");
+        for (int64_t k = 0; k < corners; k++) {
+            if (!hw_words_integer(w, &index))
+                return fail_line(path, w, "fewer indices than corners");
+            if (index < 0 || index >= vertices)
+                return hw_fail(HW_FORMAT, "%s: line %llu: index %lld out of range (%lld vertices)",
+                               path, (unsigned long long)w->line, (long long)index,
+                               (long long)vertices);
+        }
+    }
+    return HW_OK;
+}
+
+hw_status hw_check_off(const hw_model_bytes *file)
+{
+    hw_words w = hw_words_make(file->data, file->size, '#');
+    const char *word = NULL;
+    size_t length = 0;
+    int64_t vertices, faces;
+    if (!hw_words_line(&w) || !hw_words_get(&w, &word, &length) || length < 3 || length > 9 ||
+        memcmp(word + length - 3, "OFF", 3) != 0)
+        return hw_fail(HW_FORMAT, "%s: no OFF file (it does not start with OFF)", file->path);
+    if (length > 3 && (word[length - 4] == 'n' || word[length - 4] == '4'))
+        return hw_fail(HW_FORMAT, "%s: OFF of other than three dimensions", file->path);
+    if (hw_words_get(&w, &word, &length))
+        return fail_line(file->path, &w, "the counts belong on a line of their own");
+    if (!hw_words_line(&w) || !hw_words_integer(&w, &vertices) || !hw_words_integer(&w, &faces) ||
+        vertices < 0 || faces < 0)
+        return fail_line(file->path, &w, "counts of vertices, faces and edges expected");
+    HW_TRY(off_vertices(file->path, &w, vertices));
+    HW_TRY(off_faces(file->path, &w, faces, vertices));
+    return faces > 0 ? HW_OK : hw_fail(HW_FORMAT, "%s: no triangle", file->path);
+}
+
+// ---- OBJ ----------------------------------------------------------------------------------------
+
+typedef struct obj_counts {
+    int64_t v, vt, vn, faces;
+} obj_counts;
+
+static bool word_is(const char *word, size_t length, const char *text)
+{
+    return length == strlen(text) && memcmp(word, text, length) == 0;
+}
+
+// One index of a corner: from 1, or negative from the last element so far. Advances *at.
+static bool obj_index(const char **at, const char *end, int64_t so_far, int64_t total)
+{
+    int64_t value = 0;
+    bool negative = *at < end && **at == '-';
+    const char *p = *at + negative, *start = p;
+    while (p < end && *p >= '0' && *p <= '9' && p - start < 18)
+        value = value * 10 + (*p++ - '0');
+    if (p == start)
+        return false;
+    *at = p;
+    return value >= 1 && value <= (negative ? so_far : total);
+}
+
+// "1", "1/2", "1//3", "1/2/3".
+static bool obj_corner(const char *word, size_t length, const obj_counts *now,
+                       const obj_counts *total)
+{
+    const char *p = word, *end = word + length;
+    if (!obj_index(&p, end, now->v, total->v))
+        return false;
+    if (p < end && *p == '/') {
+        p++;
+        if (p < end && *p != '/' && !obj_index(&p, end, now->vt, total->vt))
+            return false;
+    }
+    if (p < end && *p == '/') {
+        p++;
+        if (p < end && !obj_index(&p, end, now->vn, total->vn))
+            return false;
+    }
+    return p == end;
+}
+
+// Looks at one line; `total` NULL on the first pass, which only counts.
+static hw_status obj_line(const char *path, hw_words *w, obj_counts *now, const obj_counts *total)
+{
+    const char *word;
+    size_t length;
+    if (!hw_words_get(w, &word, &length))
+        return HW_OK;
+    now->v += word_is(word, length, "v");
+    now->vt += word_is(word, length, "vt");
+    now->vn += word_is(word, length, "vn");
+    now->faces += word_is(word, length, "f");
+    if (!total)
+        return HW_OK;
+    int numbers = word_is(word, length, "v") || word_is(word, length, "vn") ? 3
+                  : word_is(word, length, "vt")                             ? 1
+                                                                            : 0;
+    for (int k = 0; k < numbers; k++)
+        if (!hw_words_number(w))
+            return fail_line(path, w, "too few numbers");
+    if (!word_is(word, length, "f"))
+        return HW_OK;
+    while (hw_words_get(w, &word, &length))
+        if (!word_is(word, length, "\\") && !obj_corner(word, length, now, total))
+            return fail_line(path, w, "a face's index is malformed or out of range");
+    return HW_OK;
+}
+
+hw_status hw_check_obj(const hw_model_bytes *file)
+{
+    if (memchr(file->data, 0, file->size))
+        return hw_fail(HW_FORMAT, "%s: no text file, so no OBJ file", file->path);
+    obj_counts total = {0}, now = {0};
+    hw_words w = hw_words_make(file->data, file->size, '#');
+    while (hw_words_line(&w))
+        HW_TRY(obj_line(file->path, &w, &total, NULL));
+    w = hw_words_make(file->data, file->size, '#');
+    while (hw_words_line(&w))
+        HW_TRY(obj_line(file->path, &w, &now, &total));
+    if (total.v == 0 || total.faces == 0)
+        return hw_fail(HW_FORMAT, "%s: no triangle", file->path);
+    return HW_OK;
+}
+
+// ---- STL ----------------------------------------------------------------------------------------
+
+#define STL_HEADER_BYTES   84
+#define STL_TRIANGLE_BYTES 50
+
+static hw_status stl_text(const hw_model_bytes *file)
+{
+    hw_words w = hw_words_make(file->data, file->size, 0);
+    uint64_t facets = 0, closed = 0, vertices = 0;
+    bool open = false;
+    while (hw_words_line(&w)) {
+        const char *word;
+        size_t length;
+        if (!hw_words_get(&w, &word, &length))
+            continue;
+        open = !word_is(word, length, "endsolid");
+        facets += word_is(word, length, "facet");
+        closed += word_is(word, length, "endfacet");
+        if (!word_is(word, length, "vertex"))
+            continue;
+        vertices++;
+        for (int k = 0; k < 3; k++)
+            if (!hw_words_number(&w))
+                return fail_line(file->path, &w, "three coordinates expected");
+    }
+    if (open || closed != facets)
+        return hw_fail(HW_FORMAT, "%s: truncated (no endsolid at the end)", file->path);
+    if (facets == 0)
+        return hw_fail(HW_FORMAT, "%s: no triangle", file->path);
+    if (vertices != 3 * facets)
+        return hw_fail(HW_FORMAT, "%s: %llu facets with %llu vertices", file->path,
+                       (unsigned long long)facets, (unsigned long long)vertices);
+    return HW_OK;
+}
+
+hw_status hw_check_stl(const hw_model_bytes *file)
+{
+    if (file->size >= STL_HEADER_BYTES) {
+        hw_bytes_reader r = hw_bytes_reader_make(file->data + 80, 4);
+        uint64_t count = hw_get_u32(&r);
+        if (file->size == STL_HEADER_BYTES + STL_TRIANGLE_BYTES * count)
+            return count ? HW_OK : hw_fail(HW_FORMAT, "%s: no triangle", file->path);
+    }
+    hw_words w = hw_words_make(file->data, file->size, 0);
+    const char *word;
+    size_t length;
+    if (hw_words_line(&w) && hw_words_get(&w, &word, &length) && word_is(word, length, "solid"))
+        return stl_text(file);
+    return hw_fail(HW_FORMAT,
+                   "%s: no STL file: it neither starts with \"solid\" nor has the length that its "
+                   "number of triangles asks for (truncated?)",
+                   file->path);
+}
+
+// ---- 3DS ----------------------------------------------------------------------------------------
+
+enum { CHUNK_MAIN = 0x4d4d, CHUNK_EDIT = 0x3d3d, CHUNK_OBJECT = 0x4000, CHUNK_MESH = 0x4100 };
+enum { CHUNK_VERTICES = 0x4110, CHUNK_FACES = 0x4120, CHUNK_UVS = 0x4140 };
+#define CHUNK_HEADER_BYTES 6
+
+typedef struct mesh_3ds {
+    uint32_t vertices, faces, highest; // highest index of a face
+} mesh_3ds;
+
+static hw_status fail_3ds(const hw_model_bytes *file, size_t at, const char *cause)
+{
+    return hw_fail(HW_FORMAT, "%s: chunk at byte %zu: %s", file->path, at, cause);
+}
+
+static hw_status chunks_3ds(const hw_model_bytes *file, size_t begin, size_t end, int depth,
+                            mesh_3ds *mesh);
+
+// Arrays of `bytes` each after a 16-bit count.
+static hw_status array_3ds(const hw_model_bytes *file, hw_bytes_reader *r, size_t bytes,
+                           uint32_t *count)
+{
+    *count = hw_get_u16(r);
+    if (r->failed || *count * bytes > hw_bytes_left(r))
+        return fail_3ds(file, (size_t)(r->data - file->data), "shorter than its count says");
+    return HW_OK;
+}
+
+static hw_status content_3ds(const hw_model_bytes *file, uint32_t tag, size_t begin, size_t end,
+                             int depth, mesh_3ds *mesh)
+{
+    hw_bytes_reader r = hw_bytes_reader_make(file->data + begin, end - begin);
+    uint32_t count;
+    switch (tag) {
+    case CHUNK_EDIT:
+        return chunks_3ds(file, begin, end, depth, mesh);
+    case CHUNK_OBJECT: {
+        const uint8_t *name_end = memchr(file->data + begin, 0, end - begin);
+        if (!name_end)
+            return fail_3ds(file, begin, "a name without an end");
+        return chunks_3ds(file, (size_t)(name_end + 1 - file->data), end, depth, mesh);
+    }
+    case CHUNK_MESH: {
+        mesh_3ds inner = {0};
+        HW_TRY(chunks_3ds(file, begin, end, depth, &inner));
+        if (inner.faces > 0 && inner.highest >= inner.vertices)
+            return hw_fail(HW_FORMAT, "%s: index %u out of range (%u vertices)", file->path,
+                           inner.highest, inner.vertices);
+        mesh->faces += inner.faces;
+        return HW_OK;
+    }
+    case CHUNK_VERTICES:
+        return array_3ds(file, &r, 12, &mesh->vertices);
+    case CHUNK_UVS:
+        return array_3ds(file, &r, 8, &count);
+    case CHUNK_FACES:
+        HW_TRY(array_3ds(file, &r, 8, &mesh->faces));
+        for (uint32_t i = 0; i < 4 * mesh->faces; i++) {
+            uint32_t index = hw_get_u16(&r);
+            if (i % 4 != 3 && index > mesh->highest) // the fourth are flags
+                mesh->highest = index;
+        }
+        return chunks_3ds(file, begin + r.position, end, depth, mesh);
+    default:
+        return HW_OK;
+    }
+}
+
+static hw_status chunks_3ds(const hw_model_bytes *file, size_t begin, size_t end, int depth,
+                            mesh_3ds *mesh)
+{
+    if (depth > 8)
+        return fail_3ds(file, begin, "nested too deeply");
+    while (end - begin >= CHUNK_HEADER_BYTES) {
+        hw_bytes_reader r = hw_bytes_reader_make(file->data + begin, CHUNK_HEADER_BYTES);
+        uint32_t tag = hw_get_u16(&r), length = hw_get_u32(&r);
+        if (length < CHUNK_HEADER_BYTES || length > end - begin)
+            return fail_3ds(file, begin, "a length that leaves its parent (truncated?)");
+        HW_TRY(content_3ds(file, tag, begin + CHUNK_HEADER_BYTES, begin + length, depth + 1, mesh));
+        begin += length;
+    }
+    return HW_OK;
+}
+
+hw_status hw_check_3ds(const hw_model_bytes *file)
+{
+    hw_bytes_reader r = hw_bytes_reader_make(file->data, file->size);
+    uint32_t tag = hw_get_u16(&r), length = hw_get_u32(&r);
+    mesh_3ds total = {0};
+    if (r.failed || tag != CHUNK_MAIN)
+        return hw_fail(HW_FORMAT, "%s: no 3DS file", file->path);
+    if (length > file->size || length < CHUNK_HEADER_BYTES)
+        return hw_fail(HW_FORMAT, "%s: truncated (%u bytes announced, %zu there)", file->path,
+                       length, file->size);
+    HW_TRY(chunks_3ds(file, CHUNK_HEADER_BYTES, length, 0, &total));
+    return total.faces > 0 ? HW_OK : hw_fail(HW_FORMAT, "%s: no triangle", file->path);
+}
+
+// ---- All ----------------------------------------------------------------------------------------
+
+hw_model_kind hw_model_kind_of(const char *path)
+{
+    static const struct {
+        const char *extension;
+        hw_model_kind kind;
+    } table[] = {{"gltf", HW_MODEL_GLTF}, {"glb", HW_MODEL_GLTF}, {"ply", HW_MODEL_PLY},
+                 {"obj", HW_MODEL_OBJ},   {"off", HW_MODEL_OFF},  {"stl", HW_MODEL_STL},
+                 {"3ds", HW_MODEL_3DS}};
+    const char *slash = strrchr(path, '/');
+    const char *dot = strrchr(slash ? slash : path, '.');
+    for (size_t i = 0; dot && i < sizeof table / sizeof *table; i++)
+        if (strcasecmp(dot + 1, table[i].extension) == 0)
+            return table[i].kind;
+    return HW_MODEL_OTHER;
+}
+
+static hw_status check_kind(const hw_model_bytes *file)
+{
+    switch (hw_model_kind_of(file->path)) {
+    case HW_MODEL_GLTF:
+        return hw_check_gltf(file);
+    case HW_MODEL_PLY:
+        return hw_check_ply(file);
+    case HW_MODEL_OBJ:
+        return hw_check_obj(file);
+    case HW_MODEL_OFF:
+        return hw_check_off(file);
+    case HW_MODEL_STL:
+        return hw_check_stl(file);
+    case HW_MODEL_3DS:
+        return hw_check_3ds(file);
+    case HW_MODEL_OTHER:
+        break;
+    }
+    return HW_OK;
+}
+
+hw_status hw_import_check(const char *path)
+{
+    uint8_t *data = NULL;
+    hw_model_bytes file = {.path = path};
+    HW_TRY(hw_file_read(path, FILE_BYTES_MAX, &data, &file.size));
+    file.data = data;
+    hw_status status =
+        file.size == 0 ? hw_fail(HW_FORMAT, "%s: the file is empty", path) : check_kind(&file);
+    hw_free(data);
+    return status;
+}

@@ -1,0 +1,366 @@
+// hexwalk info: what is in a scene, dataset, cell, mesh or tour. One JSON object serves both the
+// file and what is printed.
+#include "bytes.h"
+#include "cell_file.h"
+#include "file.h"
+#include "import.h"
+#include "json.h"
+#include "manifest.h"
+#include "mesh_file.h"
+#include "options.h"
+#include "tour.h"
+#include <string.h>
+#include <sys/stat.h>
+
+#define ROWS_SHOWN 40
+
+static const char *json_file;
+
+static uint32_t options(hw_option *out, uint32_t capacity)
+{
+    if (capacity > 0)
+        out[0] = (hw_option){.name = "json",
+                             .type = HW_OPTION_STRING,
+                             .value = &json_file,
+                             .metavar = "FILE",
+                             .help = "write the same as JSON, complete and unabridged"};
+    return 1;
+}
+
+// --- Gathering ----------------------------------------------------------------------------------
+
+static void add_hex(cJSON *json, const char *key, uint64_t value)
+{
+    char text[32];
+    snprintf(text, sizeof text, "%016llx", (unsigned long long)value);
+    cJSON_AddStringToObject(json, key, text);
+}
+
+static void add_integer(cJSON *json, const char *key, uint64_t value)
+{
+    cJSON_AddNumberToObject(json, key, (double)value);
+}
+
+static void add_vector(cJSON *json, const char *key, hw_vec3 v)
+{
+    const double values[] = {(double)v.x, (double)v.y, (double)v.z};
+    hw_json_add_numbers(json, key, values, 3);
+}
+
+static void add_file_bytes(cJSON *json, const char *path)
+{
+    struct stat info;
+    if (stat(path, &info) == 0)
+        add_integer(json, "file_bytes", (uint64_t)info.st_size);
+}
+
+static void add_mesh_rows(cJSON *json, const hw_scene *scene)
+{
+    cJSON *rows = cJSON_AddArrayToObject(json, "mesh_list");
+    for (uint32_t i = 0; i < scene->mesh_count; i++) {
+        const hw_mesh *mesh = &scene->meshes[i];
+        uint64_t uses = 0;
+        for (uint32_t k = 0; k < scene->object_count; k++)
+            uses += scene->objects[k].mesh_idx == i;
+        cJSON *row = cJSON_CreateObject();
+        cJSON_AddItemToArray(rows, row);
+        cJSON_AddStringToObject(row, "name", mesh->name && *mesh->name ? mesh->name : "-");
+        add_integer(row, "vertices", mesh->vertex_count);
+        add_integer(row, "triangles", mesh->index_count / 3);
+        add_integer(row, "objects", uses);
+        cJSON_AddBoolToObject(row, "normals", mesh->normals != NULL);
+        cJSON_AddBoolToObject(row, "colors", mesh->colors != NULL);
+        cJSON_AddBoolToObject(row, "uvs", mesh->uvs != NULL);
+    }
+}
+
+static hw_status describe_scene(const char *path, cJSON *json)
+{
+    hw_scene scene = {0};
+    HW_TRY(hw_scene_import(path, &scene));
+    uint64_t textures = 0;
+    for (uint32_t i = 0; i < scene.material_count; i++)
+        textures += scene.materials[i].texture.data != NULL;
+    hw_box bounds = hw_scene_bounds(&scene);
+    cJSON_AddStringToObject(json, "kind", "scene");
+    add_file_bytes(json, path);
+    add_integer(json, "triangles", hw_scene_triangle_count(&scene));
+    add_integer(json, "objects", scene.object_count);
+    add_integer(json, "meshes", scene.mesh_count);
+    add_integer(json, "materials", scene.material_count);
+    add_integer(json, "textures", textures);
+    cJSON_AddBoolToObject(json, "ground", scene.ground.present);
+    add_vector(json, "bounds_min", bounds.min);
+    add_vector(json, "bounds_max", bounds.max);
+    add_hex(json, "hash", hw_scene_hash(&scene));
+    add_mesh_rows(json, &scene);
+    hw_scene_free(&scene);
+    return HW_OK;
+}
+
+static hw_status describe_dataset(const char *path, cJSON *json)
+{
+    hw_manifest m = {0};
+    HW_TRY(hw_manifest_read(path, &m));
+    uint64_t cell_bytes = 0;
+    int32_t levels = 0;
+    for (uint32_t i = 0; i < m.cell_count; i++) {
+        cell_bytes += m.cells[i].bytes;
+        levels = m.cells[i].id.level >= levels ? m.cells[i].id.level + 1 : levels;
+    }
+    cJSON_AddStringToObject(json, "kind", "dataset");
+    cJSON_AddStringToObject(json, "scene", m.scene_path ? m.scene_path : "");
+    add_integer(json, "scene_triangles", m.scene_triangles);
+    add_integer(json, "objects", m.object_count);
+    add_integer(json, "meshes", m.mesh_count);
+    add_integer(json, "textures", m.texture_count);
+    add_integer(json, "cells", m.cell_count);
+    add_integer(json, "levels", (uint64_t)levels);
+    hw_json_add_number(json, "cell_size", m.grid.cell_size);
+    hw_json_add_numbers(json, "heights", (const double[]){m.grid.z_min, m.grid.z_max}, 2);
+    add_integer(json, "columns", (uint64_t)m.grid.columns);
+    add_integer(json, "rows", (uint64_t)m.grid.rows);
+    add_integer(json, "bytes", cell_bytes + m.near_bytes);
+    add_integer(json, "cell_bytes", cell_bytes);
+    add_integer(json, "mesh_bytes", m.mesh_bytes);
+    add_integer(json, "texture_bytes", m.texture_bytes);
+    add_integer(json, "near_bytes", m.near_bytes);
+    cJSON_AddStringToObject(json, "policy", m.policy ? m.policy : "");
+    hw_json_add_number(json, "self_occlusion_px", m.self_occlusion_px);
+    hw_json_add_number(json, "edge_length_px", m.edge_length_px);
+    hw_json_add_number(json, "near_error_px", m.near_error_px);
+    hw_json_add_number(json, "build_seconds", m.build_seconds);
+    add_hex(json, "key", m.key);
+    hw_manifest_free(&m);
+    return HW_OK;
+}
+
+static hw_status describe_cell(const char *path, cJSON *json)
+{
+    hw_cell cell = {0};
+    HW_TRY(hw_cell_read(path, &cell));
+    const double id[] = {cell.id.level, cell.id.q, cell.id.r};
+    cJSON_AddStringToObject(json, "kind", "cell");
+    add_file_bytes(json, path);
+    hw_json_add_numbers(json, "level_q_r", id, 3);
+    add_vector(json, "centre", cell.centre);
+    add_integer(json, "near_objects", cell.near_count);
+    add_integer(json, "far_objects", cell.far_count);
+    add_integer(json, "vertices", cell.vertex_count);
+    add_integer(json, "triangles", cell.index_count / 3);
+    add_integer(json, "atlas_width", cell.atlas_width);
+    add_integer(json, "atlas_height", cell.atlas_height);
+    add_hex(json, "key", cell.key);
+    hw_cell_free(&cell);
+    return HW_OK;
+}
+
+static hw_status describe_mesh(const char *path, cJSON *json)
+{
+    hw_mesh_file *file = NULL;
+    HW_TRY(hw_mesh_file_open(&file, path));
+    uint32_t count = hw_mesh_file_level_count(file);
+    cJSON_AddStringToObject(json, "kind", "mesh");
+    add_file_bytes(json, path);
+    add_hex(json, "key", hw_mesh_file_key(file));
+    add_integer(json, "levels", count);
+    cJSON *rows = cJSON_AddArrayToObject(json, "level_list");
+    for (uint32_t i = 0; i < count; i++) {
+        const hw_mesh_level_info *level = hw_mesh_file_level(file, i);
+        cJSON *row = cJSON_CreateObject();
+        cJSON_AddItemToArray(rows, row);
+        add_integer(row, "level", i);
+        add_integer(row, "vertices", level->vertex_count);
+        add_integer(row, "triangles", level->index_count / 3);
+        hw_json_add_number(row, "error_rms", (double)level->error_rms);
+        hw_json_add_number(row, "error_max", (double)level->error_max);
+        hw_json_add_number(row, "error_silhouette", (double)level->error_silhouette);
+    }
+    hw_mesh_file_close(file);
+    return HW_OK;
+}
+
+static hw_status describe_tour(const char *path, cJSON *json)
+{
+    hw_tour tour = {0};
+    HW_TRY(hw_tour_read(path, &tour));
+    hw_box bounds = hw_box_empty();
+    double length = 0, seconds = 0;
+    for (uint32_t i = 0; i < tour.frame_count; i++) {
+        hw_box_add(&bounds, tour.frames[i].eye);
+        if (i > 0)
+            length += (double)hw_v3_length(hw_v3_sub(tour.frames[i].eye, tour.frames[i - 1].eye));
+    }
+    if (tour.frame_count > 0)
+        seconds = tour.frames[tour.frame_count - 1].t - tour.frames[0].t;
+    cJSON_AddStringToObject(json, "kind", "tour");
+    add_integer(json, "frames", tour.frame_count);
+    hw_json_add_number(json, "fov_degrees", tour.fov_degrees);
+    hw_json_add_number(json, "seconds", seconds);
+    hw_json_add_number(json, "length", length);
+    add_vector(json, "bounds_min", bounds.min);
+    add_vector(json, "bounds_max", bounds.max);
+    hw_tour_free(&tour);
+    return HW_OK;
+}
+
+// --- What kind of thing a path is ---------------------------------------------------------------
+
+static bool has_extension(const char *path, const char *extension)
+{
+    size_t a = strlen(path), b = strlen(extension);
+    return a > b && !strcmp(path + a - b, extension);
+}
+
+// The file type that the first four bytes tell; 0 if there are fewer.
+static hw_status read_magic(const char *path, uint32_t *magic)
+{
+    uint8_t bytes[4] = {0};
+    hw_reader *reader = NULL;
+    hw_status status = HW_OK;
+    HW_TRY(hw_reader_open(&reader, path));
+    if (hw_reader_size(reader) == 0)
+        status = hw_fail(HW_FORMAT, "%s: the file is empty", path);
+    else if (hw_reader_size(reader) >= sizeof bytes)
+        status = hw_reader_at(reader, 0, bytes, sizeof bytes);
+    hw_reader_close(reader);
+    hw_bytes_reader r = hw_bytes_reader_make(bytes, sizeof bytes);
+    *magic = hw_get_u32(&r);
+    return status;
+}
+
+static hw_status describe(const char *path, cJSON *json)
+{
+    struct stat info;
+    uint32_t magic = 0;
+    if (stat(path, &info) == 0 && S_ISDIR(info.st_mode))
+        return describe_dataset(path, json);
+    HW_TRY(read_magic(path, &magic));
+    if (magic == HW_CELL_MAGIC || has_extension(path, ".hxc"))
+        return describe_cell(path, json);
+    if (magic == HW_MESH_MAGIC || has_extension(path, ".hxm"))
+        return describe_mesh(path, json);
+    return has_extension(path, ".json") ? describe_tour(path, json) : describe_scene(path, json);
+}
+
+// --- Printing -----------------------------------------------------------------------------------
+
+// Digits of a whole number in groups of three: 8,461,322.
+static void format_number(double value, char *out, size_t size)
+{
+    char digits[64], grouped[96];
+    if (!(value >= -1e15 && value <= 1e15) || value != (double)(int64_t)value) {
+        snprintf(out, size, "%.6g", value);
+        return;
+    }
+    int length = snprintf(digits, sizeof digits, "%lld", (long long)value), n = 0;
+    for (int i = 0; i < length; i++) {
+        if (i > (value < 0) && (length - i) % 3 == 0)
+            grouped[n++] = ',';
+        grouped[n++] = digits[i];
+    }
+    grouped[n] = 0;
+    snprintf(out, size, "%s", grouped);
+}
+
+static void format_item(const cJSON *item, char *out, size_t size)
+{
+    if (cJSON_IsNumber(item))
+        format_number(item->valuedouble, out, size);
+    else if (cJSON_IsString(item))
+        snprintf(out, size, "%s", item->valuestring);
+    else if (cJSON_IsBool(item))
+        snprintf(out, size, "%s", cJSON_IsTrue(item) ? "yes" : "no");
+    else
+        snprintf(out, size, "-");
+}
+
+// A key as words: cell_bytes becomes "cell bytes".
+static void format_key(const char *key, char *out, size_t size)
+{
+    snprintf(out, size, "%s", key);
+    for (char *p = out; *p; p++)
+        *p = *p == '_' ? ' ' : *p;
+}
+
+static void print_table(const cJSON *rows)
+{
+    const cJSON *row, *item;
+    char text[512];
+    int shown = 0, count = cJSON_GetArraySize(rows);
+    printf("\n");
+    cJSON_ArrayForEach(item, rows->child)
+    {
+        format_key(item->string, text, sizeof text);
+        printf("  %*s", item == rows->child->child ? -24 : 16, text);
+    }
+    printf("\n");
+    cJSON_ArrayForEach(row, rows)
+    {
+        if (shown++ == ROWS_SHOWN)
+            break;
+        cJSON_ArrayForEach(item, row)
+        {
+            format_item(item, text, sizeof text);
+            printf("  %*s", item == row->child ? -24 : 16, text);
+        }
+        printf("\n");
+    }
+    if (count > ROWS_SHOWN)
+        printf("  ... and %d more (--json FILE writes them all)\n", count - ROWS_SHOWN);
+}
+
+static void print_report(const cJSON *json)
+{
+    const cJSON *item, *part;
+    char key[64], text[512];
+    cJSON_ArrayForEach(item, json)
+    {
+        if (cJSON_IsArray(item) && cJSON_IsObject(item->child)) {
+            print_table(item);
+            continue;
+        }
+        format_key(item->string, key, sizeof key);
+        printf("%-20s", key);
+        if (!cJSON_IsArray(item)) {
+            format_item(item, text, sizeof text);
+            printf("%s", text);
+        }
+        cJSON_ArrayForEach(part, item) // no parts but of an array
+        {
+            format_item(part, text, sizeof text);
+            printf("%s%s", part == item->child ? "" : "  ", text);
+        }
+        printf("\n");
+    }
+}
+
+static hw_status run(int argc, const char *const *argv)
+{
+    (void)argc;
+    cJSON *json = cJSON_CreateObject();
+    if (!json)
+        return hw_fail(HW_MEMORY, "out of memory");
+    cJSON_AddStringToObject(json, "path", argv[0]);
+    hw_status status = describe(argv[0], json);
+    if (status == HW_OK && json_file)
+        status = hw_json_write(json_file, json);
+    if (status == HW_OK)
+        print_report(json);
+    cJSON_Delete(json);
+    return status;
+}
+
+const hw_command hw_cmd_info = {
+    .name = "info",
+    .summary = "tell what is in a scene, dataset, cell, mesh or tour",
+    .arguments = "SCENE|DATASET|CELL|MESH|TOUR",
+    .description =
+        "Reads a dataset folder, a cell (.hxc), a mesh with its levels of detail (.hxm), a tour "
+        "(.json) or any scene or mesh file that can be imported, checks it, and tells what is in "
+        "it.",
+    .options = options,
+    .positional_min = 1,
+    .positional_max = 1,
+    .run = run,
+};

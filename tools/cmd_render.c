@@ -1,0 +1,299 @@
+// hexwalk render: the frames of a tour as images, or only their figures.
+#include "alloc.h"
+#include "context.h"
+#include "file.h"
+#include "image_io.h"
+#include "import.h"
+#include "json.h"
+#include "log.h"
+#include "manifest.h"
+#include "options.h"
+#include "renderer.h"
+#include "system.h"
+#include "target.h"
+#include "tour.h"
+#include <glad/gl.h>
+#include <stdlib.h>
+
+static struct {
+    const char *tour, *output, *config, *samples, *scene, *frame, *json;
+    uint32_t size[2];
+    uint64_t every;
+    double lod_error;
+    bool no_images;
+} options = {.samples = "1", .config = "C", .size = {1024, 1024}, .every = 1, .lod_error = 1};
+
+// What the frames add up to.
+typedef struct figures {
+    uint32_t frames;
+    double *frame_ms;
+    uint64_t triangles, triangles_max, draws;
+    uint64_t load_bytes, stalls;
+    double load_ms;
+} figures;
+
+typedef struct render {
+    hw_config config;
+    char *scene_path;
+    hw_scene scene;
+    hw_tour tour;
+    uint32_t first, end; // frames of the tour
+    hw_context *context;
+    hw_target *target;
+    hw_renderer *renderer;
+    hw_image image, rgb;
+    figures figures;
+} render;
+
+static uint32_t fill_options(hw_option *out, uint32_t capacity)
+{
+    const hw_option table[] = {
+        {"tour", 0, HW_OPTION_STRING, &options.tour, "TOUR.json", NULL, 0, 0,
+         "The camera path to render."},
+        {"output", 'o', HW_OPTION_STRING, &options.output, "DIR", NULL, 0, 0,
+         "Folder for the images; made if need be."},
+        {"config", 0, HW_OPTION_CHOICE, &options.config, NULL, "A|B|L|C", 0, 0,
+         "Full geometry (A), with culling (B), discrete levels of detail (L) or the hybrid (C)."},
+        {"size", 0, HW_OPTION_SIZE, options.size, "WxH", NULL, 1, 16384, "Size of the images."},
+        {"every", 0, HW_OPTION_UINT, &options.every, "N", NULL, 1, 1e9,
+         "Render every N-th frame of the tour."},
+        {"frame", 0, HW_OPTION_STRING, &options.frame, "N", NULL, 0, 0,
+         "Render this frame only, counted from 0."},
+        {"samples", 0, HW_OPTION_CHOICE, &options.samples, NULL, "1|4", 0, 0, "Samples per pixel."},
+        {"lod-error", 0, HW_OPTION_DOUBLE, &options.lod_error, "PX", NULL, 0.001, 1000,
+         "Largest projected error of configuration L in pixels."},
+        {"scene", 0, HW_OPTION_STRING, &options.scene, "SCENE", NULL, 0, 0,
+         "The original scene for configurations A, B and L, if it has moved since the build."},
+        {"no-images", 0, HW_OPTION_FLAG, &options.no_images, NULL, NULL, 0, 0,
+         "Write no images, only measure."},
+        {"json", 0, HW_OPTION_STRING, &options.json, "FILE", NULL, 0, 0,
+         "Write the figures to this file."},
+    };
+    uint32_t count = sizeof table / sizeof *table;
+    for (uint32_t i = 0; i < count && i < capacity; i++)
+        out[i] = table[i];
+    return count;
+}
+
+static hw_status check_usage(void)
+{
+    if (!options.tour)
+        return hw_fail(HW_USAGE, "render needs --tour");
+    if (!options.output && !options.no_images)
+        return hw_fail(HW_USAGE, "render needs -o DIR (or --no-images)");
+    return HW_OK;
+}
+
+static hw_status read_tour(render *r)
+{
+    HW_TRY(hw_tour_read(options.tour, &r->tour));
+    r->end = r->tour.frame_count;
+    if (!options.frame)
+        return HW_OK;
+    char *stop = NULL;
+    unsigned long long frame = strtoull(options.frame, &stop, 10);
+    if (options.frame[0] < '0' || options.frame[0] > '9' || *stop)
+        return hw_fail(HW_USAGE, "--frame: '%s' is not a whole number", options.frame);
+    if (frame >= r->tour.frame_count) {
+        return hw_fail(HW_USAGE, "--frame: %s has %u frames, there is no %s", options.tour,
+                       r->tour.frame_count, options.frame);
+    }
+    r->first = (uint32_t)frame;
+    r->end = r->first + 1;
+    return HW_OK;
+}
+
+// The scene of A, B and L: --scene, else the path itself if it is no folder, else what the dataset
+// was built from. C needs the dataset alone.
+static hw_status read_scene(render *r, const char *path)
+{
+    char *inside = NULL;
+    HW_TRY(hw_path_join(&inside, path, "."));
+    bool is_folder = hw_path_exists(inside);
+    hw_free(inside);
+    if (r->config == HW_CONFIG_C) {
+        if (!is_folder && hw_path_exists(path))
+            return hw_fail(HW_USAGE, "%s: configuration C needs a dataset (hexwalk build)", path);
+        return HW_OK;
+    }
+    const char *scene_path = options.scene ? options.scene : path;
+    if (!options.scene && is_folder) {
+        hw_manifest manifest = {0};
+        HW_TRY(hw_manifest_read(path, &manifest));
+        r->scene_path = manifest.scene_path;
+        manifest.scene_path = NULL;
+        hw_manifest_free(&manifest);
+        scene_path = r->scene_path;
+    }
+    return hw_scene_import(scene_path, &r->scene);
+}
+
+static hw_status make_renderer(render *r, const char *path)
+{
+    const hw_context_desc context = {.kind = HW_CONTEXT_OFFSCREEN, .width = 16, .height = 16};
+    const hw_renderer_desc renderer = {.config = r->config,
+                                       .dataset = path,
+                                       .scene = &r->scene,
+                                       .lod_error_px = options.lod_error};
+    HW_TRY(hw_context_create(&context, &r->context));
+    HW_TRY(hw_target_create(&r->target, options.size[0], options.size[1],
+                            options.samples[0] == '4' ? 4 : 1));
+    return hw_renderer_create(&renderer, &r->renderer);
+}
+
+static hw_status write_image(render *r, uint32_t frame)
+{
+    HW_TRY(hw_target_read(r->target, &r->image));
+    if (!r->rgb.data)
+        HW_TRY(hw_image_make(&r->rgb, r->image.width, r->image.height, 3));
+    size_t pixels = (size_t)r->image.width * r->image.height;
+    for (size_t i = 0; i < pixels; i++) {
+        for (size_t k = 0; k < 3; k++)
+            r->rgb.data[i * 3 + k] = r->image.data[i * 4 + k];
+    }
+    char name[32], *path = NULL;
+    snprintf(name, sizeof name, "frame_%05u.png", frame);
+    HW_TRY(hw_path_join(&path, options.output, name));
+    hw_status status = hw_image_write(path, &r->rgb);
+    hw_free(path);
+    return status;
+}
+
+// Loading comes first and is counted apart: frame_ms is drawing up to glFinish.
+static hw_status draw_frame(render *r, uint32_t frame)
+{
+    figures *f = &r->figures;
+    hw_frame_stats load, stats;
+    hw_camera camera = hw_tour_camera(&r->tour, frame, options.size[0], options.size[1]);
+    HW_TRY(hw_renderer_prepare(r->renderer, &camera, &load));
+    hw_target_bind(r->target);
+    glFinish();
+    double start = hw_clock_ms();
+    HW_TRY(hw_renderer_draw(r->renderer, &camera, &stats));
+    hw_target_resolve(r->target);
+    glFinish();
+    f->frame_ms[f->frames++] = hw_clock_ms() - start;
+    f->triangles += stats.triangles;
+    f->triangles_max = stats.triangles > f->triangles_max ? stats.triangles : f->triangles_max;
+    f->draws += stats.draws;
+    f->load_bytes += load.loaded_bytes + stats.loaded_bytes;
+    f->stalls += load.stalls || stats.stalls;
+    f->load_ms += load.load_ms + stats.load_ms;
+    return options.no_images ? HW_OK : write_image(r, frame);
+}
+
+static hw_status draw_frames(render *r)
+{
+    hw_status status = HW_OK;
+    hw_progress *progress = NULL;
+    uint64_t step = options.every, count = (r->end - r->first + step - 1) / step;
+    HW_GO(HW_NEW(&r->figures.frame_ms, count));
+    HW_GO(hw_progress_create(&progress, "rendering", count));
+    for (uint64_t frame = r->first; frame < r->end; frame += step) {
+        HW_GO(draw_frame(r, (uint32_t)frame));
+        hw_progress_add(progress, 1);
+    }
+out:
+    hw_progress_destroy(progress);
+    return status;
+}
+
+static int compare_doubles(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+// Of a sorted array; p in [0, 1].
+static double percentile(const double *values, uint32_t count, double p)
+{
+    return values[(uint32_t)(p * (count - 1) + 0.5)];
+}
+
+static cJSON *add_object(cJSON *parent, const char *key)
+{
+    return cJSON_AddObjectToObject(parent, key);
+}
+
+static hw_status report(render *r)
+{
+    figures *f = &r->figures;
+    double sum = 0;
+    qsort(f->frame_ms, f->frames, sizeof *f->frame_ms, compare_doubles);
+    for (uint32_t i = 0; i < f->frames; i++)
+        sum += f->frame_ms[i];
+    double mean = sum / f->frames, median = percentile(f->frame_ms, f->frames, 0.5);
+    double p99 = percentile(f->frame_ms, f->frames, 0.99);
+    printf("%s: %u frames, %.2f ms each (median %.2f, p99 %.2f), %.0f triangles\n",
+           hw_config_name(r->config), f->frames, mean, median, p99,
+           (double)f->triangles / f->frames);
+    if (!options.json)
+        return HW_OK;
+    cJSON *json = cJSON_CreateObject();
+    if (!json)
+        return hw_fail(HW_MEMORY, "out of memory");
+    cJSON_AddStringToObject(json, "config", hw_config_name(r->config));
+    cJSON_AddStringToObject(json, "renderer", hw_context_renderer(r->context));
+    hw_json_add_numbers(json, "size", (double[]){options.size[0], options.size[1]}, 2);
+    hw_json_add_number(json, "frames", f->frames);
+    cJSON *times = add_object(json, "frame_ms");
+    hw_json_add_number(times, "mean", mean);
+    hw_json_add_number(times, "median", median);
+    hw_json_add_number(times, "p99", p99);
+    cJSON *triangles = add_object(json, "triangles");
+    hw_json_add_number(triangles, "mean", (double)f->triangles / f->frames);
+    hw_json_add_number(triangles, "max", (double)f->triangles_max);
+    hw_json_add_number(json, "draws", (double)f->draws / f->frames);
+    hw_json_add_number(json, "gpu_bytes_peak", (double)hw_renderer_gpu_bytes_peak(r->renderer));
+    hw_json_add_number(json, "rss_bytes_peak", (double)hw_rss_peak_bytes());
+    cJSON *load = add_object(json, "load");
+    hw_json_add_number(load, "bytes", (double)f->load_bytes);
+    hw_json_add_number(load, "stalls", (double)f->stalls);
+    hw_json_add_number(load, "seconds", f->load_ms / 1000);
+    hw_status status = hw_json_write(options.json, json);
+    cJSON_Delete(json);
+    return status;
+}
+
+static hw_status run(int argc, const char *const *argv)
+{
+    hw_status status = HW_OK;
+    render r = {0};
+    (void)argc;
+    HW_TRY(check_usage());
+    (void)hw_config_parse(options.config, &r.config); // one of the choices
+    HW_GO(read_tour(&r));
+    HW_GO(read_scene(&r, argv[0]));
+    HW_GO(make_renderer(&r, argv[0]));
+    if (!options.no_images)
+        HW_GO(hw_dir_make(options.output));
+    HW_GO(draw_frames(&r));
+    HW_GO(report(&r));
+out:
+    hw_renderer_destroy(r.renderer);
+    hw_target_destroy(r.target);
+    hw_context_destroy(r.context);
+    hw_image_free(&r.image);
+    hw_image_free(&r.rgb);
+    hw_scene_free(&r.scene);
+    hw_tour_free(&r.tour);
+    hw_free(r.scene_path);
+    hw_free(r.figures.frame_ms);
+    return status;
+}
+
+const hw_command hw_cmd_render = {
+    .name = "render",
+    .summary = "Render the frames of a tour off screen.",
+    .arguments = "DATASET|SCENE --tour TOUR.json -o DIR",
+    .description =
+        "Draws a tour without a window and writes each frame as DIR/frame_NNNNN.png. Configuration "
+        "C, the hybrid, reads the dataset alone; full geometry (A), geometry with culling (B) and "
+        "discrete levels of detail (L) read the scene the dataset was built from.\n\n"
+        "A scene file instead of a dataset can be rendered without building anything, in "
+        "configurations A, B and L.",
+    .options = fill_options,
+    .positional_min = 1,
+    .positional_max = 1,
+    .run = run,
+};

@@ -1,0 +1,461 @@
+#include "measure.h"
+#include "alloc.h"
+#include "compare.h"
+#include "context.h"
+#include "log.h"
+#include "system.h"
+#include "target.h"
+#include <glad/gl.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define POP_CROSSINGS_MAX 12
+#define ROUNDS_MAX        100
+#define OPAQUE            128 // from this alpha on a pixel belongs to an object
+
+// Owns everything but the description and the report.
+typedef struct measurer {
+    const hw_measure_desc *desc;
+    hw_report *report;
+    hw_context *context;
+    hw_target *target;       // of the configurations
+    hw_target *truth_target; // one sample; the same as `target` if that has one too
+    hw_renderer *renderers[HW_REPORT_CONFIGS]; // by hw_config; B always, it draws the truth
+    hw_image truth, shots[HW_REPORT_CONFIGS], scratch;
+    float *luma_truth, *luma_reference, *luma[HW_REPORT_CONFIGS];
+    uint32_t *sums;   // of the reference's samples, 3 a pixel
+    uint8_t *mask;    // pixels that either image covers with an object
+    double *round_ms; // ROUNDS_MAX for each configuration
+    size_t pixels;
+} measurer;
+
+// ---- Set-up
+
+static hw_status make_renderer(measurer *m, hw_config config)
+{
+    const hw_renderer_desc desc = {.config = config,
+                                   .dataset = m->desc->dataset,
+                                   .scene = m->desc->scene,
+                                   .lod_error_px = m->report->lod_error_px};
+    return m->renderers[config] ? HW_OK : hw_renderer_create(&desc, &m->renderers[config]);
+}
+
+static hw_status make_graphics(measurer *m)
+{
+    const hw_report *r = m->report;
+    const hw_context_desc desc = {.kind = HW_CONTEXT_OFFSCREEN, .width = 16, .height = 16};
+    HW_TRY(hw_context_create(&desc, &m->context));
+    HW_TRY(hw_strdup(&m->report->gl_renderer, hw_context_renderer(m->context)));
+    HW_TRY(hw_target_create(&m->target, r->width, r->height, r->samples));
+    if (r->samples > 1)
+        HW_TRY(hw_target_create(&m->truth_target, r->width, r->height, 1));
+    else
+        m->truth_target = m->target;
+    HW_TRY(make_renderer(m, HW_CONFIG_B));
+    for (uint32_t c = 0; c < r->config_count; c++)
+        HW_TRY(make_renderer(m, r->configs[c].config));
+    return HW_OK;
+}
+
+static hw_status make_buffers(measurer *m)
+{
+    m->pixels = (size_t)m->report->width * m->report->height;
+    HW_TRY(HW_NEW(&m->luma_truth, m->pixels));
+    HW_TRY(HW_NEW(&m->luma_reference, m->pixels));
+    for (uint32_t c = 0; c < m->report->config_count; c++)
+        HW_TRY(HW_NEW(&m->luma[c], m->pixels));
+    HW_TRY(hw_alloc((void **)&m->sums, m->pixels, 3 * sizeof *m->sums));
+    HW_TRY(HW_NEW(&m->mask, m->pixels));
+    return HW_NEW(&m->round_ms, HW_REPORT_CONFIGS * ROUNDS_MAX);
+}
+
+static void clean_up(measurer *m)
+{
+    for (int c = 0; c < HW_REPORT_CONFIGS; c++) {
+        hw_renderer_destroy(m->renderers[c]);
+        hw_image_free(&m->shots[c]);
+        hw_free(m->luma[c]);
+    }
+    if (m->truth_target != m->target)
+        hw_target_destroy(m->truth_target);
+    hw_target_destroy(m->target);
+    hw_context_destroy(m->context);
+    hw_image_free(&m->truth);
+    hw_image_free(&m->scratch);
+    hw_free(m->luma_truth);
+    hw_free(m->luma_reference);
+    hw_free(m->sums);
+    hw_free(m->mask);
+    hw_free(m->round_ms);
+}
+
+static hw_camera camera_of(const measurer *m, uint32_t tour_frame)
+{
+    return hw_tour_camera(m->desc->tour, tour_frame, m->report->width, m->report->height);
+}
+
+// ---- Truth
+
+static hw_status draw_image(measurer *m, hw_config config, const hw_camera *camera,
+                            hw_target *target, hw_image *out)
+{
+    HW_TRY(hw_renderer_prepare(m->renderers[config], camera, NULL));
+    hw_target_bind(target);
+    HW_TRY(hw_renderer_draw(m->renderers[config], camera, NULL));
+    return hw_target_read(target, out);
+}
+
+static hw_status draw_truth(measurer *m, const hw_camera *camera, hw_image *out)
+{
+    return draw_image(m, HW_CONFIG_B, camera, m->truth_target, out);
+}
+
+// i with its bits mirrored about the binary point (van der Corput).
+static double radical_inverse(uint32_t i)
+{
+    double value = 0;
+    for (double bit = 0.5; i; i >>= 1, bit /= 2)
+        value += i & 1 ? bit : 0;
+    return value;
+}
+
+// Sample i of n within the pixel, in [-0.5, 0.5]: the Hammersley set, moved so that its mean is the
+// pixel's centre.
+static void sample_offset(uint32_t i, uint32_t n, float out[2])
+{
+    double mean = 0;
+    for (uint32_t k = 0; k < n; k++)
+        mean += radical_inverse(k) / n;
+    out[0] = (float)((i + 0.5) / n - 0.5);
+    out[1] = (float)(radical_inverse(i) - mean);
+}
+
+// The mean of many one-sample images: luma_reference.
+static hw_status draw_reference(measurer *m, const hw_camera *camera)
+{
+    uint32_t n = m->report->reference_samples;
+    memset(m->sums, 0, m->pixels * 3 * sizeof *m->sums);
+    for (uint32_t i = 0; i < n; i++) {
+        hw_camera shifted = *camera;
+        float offset[2];
+        sample_offset(i, n, offset);
+        shifted.jitter_x = offset[0];
+        shifted.jitter_y = offset[1];
+        HW_TRY(draw_truth(m, &shifted, &m->scratch));
+        for (size_t p = 0; p < m->pixels; p++)
+            for (size_t k = 0; k < 3; k++)
+                m->sums[p * 3 + k] += m->scratch.data[p * 4 + k];
+    }
+    for (size_t p = 0; p < m->pixels; p++) {
+        const uint32_t *s = m->sums + p * 3;
+        m->luma_reference[p] = (float)((0.299 * s[0] + 0.587 * s[1] + 0.114 * s[2]) / (double)n);
+    }
+    return HW_OK;
+}
+
+// ---- Time
+
+static void add(double *value, double amount)
+{
+    *value = isnan(*value) ? amount : *value + amount;
+}
+
+// A preparation that had to read would have been a stall without it.
+static void count_loading(hw_report_sample *sample, const hw_frame_stats *stats)
+{
+    double *v = sample->values;
+    add(&v[HW_METRIC_LOAD_BYTES], (double)stats->loaded_bytes);
+    add(&v[HW_METRIC_LOAD_MS], stats->load_ms);
+    if (stats->loaded_bytes > 0 || stats->stalls > 0)
+        v[HW_METRIC_STALLS] = 1;
+    else
+        add(&v[HW_METRIC_STALLS], 0);
+}
+
+static hw_status draw_timed(measurer *m, uint32_t c, const hw_camera *camera,
+                            hw_report_sample *sample, double *ms)
+{
+    hw_frame_stats stats = {0};
+    hw_target_bind(m->target);
+    glFinish();
+    double start = hw_clock_ms();
+    HW_TRY(hw_renderer_draw(m->renderers[m->report->configs[c].config], camera, &stats));
+    hw_target_resolve(m->target);
+    glFinish();
+    *ms = hw_clock_ms() - start;
+    double *v = sample->values;
+    v[HW_METRIC_TRIANGLES] = (double)stats.triangles;
+    v[HW_METRIC_DRAWS] = stats.draws;
+    v[HW_METRIC_NEAR_TRIANGLES] = stats.near_triangles;
+    v[HW_METRIC_FAR_TRIANGLES] = stats.far_triangles;
+    count_loading(sample, &stats);
+    return HW_OK;
+}
+
+static int compare_doubles(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+static double median(double *values, uint32_t count)
+{
+    qsort(values, count, sizeof *values, compare_doubles);
+    return (values[(count - 1) / 2] + values[count / 2]) / 2;
+}
+
+// All configurations take turns; the first round only warms up, the last one leaves the images.
+static hw_status time_frame(measurer *m, uint32_t frame, const hw_camera *camera)
+{
+    hw_report *r = m->report;
+    for (uint32_t c = 0; c < r->config_count; c++) {
+        hw_frame_stats stats = {0};
+        HW_TRY(hw_renderer_prepare(m->renderers[r->configs[c].config], camera, &stats));
+        count_loading(&r->configs[c].samples[frame], &stats);
+    }
+    for (uint32_t round = 0; round <= r->repeat; round++)
+        for (uint32_t c = 0; c < r->config_count; c++) {
+            double ms;
+            HW_TRY(draw_timed(m, c, camera, &r->configs[c].samples[frame], &ms));
+            if (round > 0)
+                m->round_ms[c * ROUNDS_MAX + round - 1] = ms;
+            if (round == r->repeat)
+                HW_TRY(hw_target_read(m->target, &m->shots[c]));
+        }
+    for (uint32_t c = 0; c < r->config_count; c++)
+        r->configs[c].samples[frame].values[HW_METRIC_FRAME_MS] =
+            median(m->round_ms + c * ROUNDS_MAX, r->repeat);
+    return HW_OK;
+}
+
+// ---- Quality
+
+static double psnr(const float *a, const float *b, const uint8_t *mask, size_t pixels)
+{
+    size_t count;
+    double sum = hw_squared_error(a, b, mask, pixels, &count);
+    return count ? hw_psnr(sum / (double)count) : (double)NAN;
+}
+
+// NaN where SSIM is not defined: tiny images, no object in view.
+static hw_status ssim(const measurer *m, const float *a, const float *b, const uint8_t *mask,
+                      double *out)
+{
+    hw_status status = hw_ssim(a, b, m->report->width, m->report->height, mask, out);
+    if (status == HW_USAGE)
+        *out = (double)NAN;
+    return status == HW_USAGE ? HW_OK : status;
+}
+
+static hw_status judge(measurer *m, uint32_t c, double *values)
+{
+    const hw_image *image = &m->shots[c];
+    float *luma = m->luma[c];
+    size_t holes = 0;
+    hw_luma(image, luma);
+    for (size_t p = 0; p < m->pixels; p++) {
+        uint8_t truth = m->truth.data[p * 4 + 3], own = image->data[p * 4 + 3];
+        m->mask[p] = truth >= OPAQUE || own >= OPAQUE;
+        holes += truth >= OPAQUE && own == 0;
+    }
+    values[HW_METRIC_HOLE_PIXELS] = (double)holes;
+    values[HW_METRIC_PSNR_1SPP] = psnr(luma, m->luma_truth, NULL, m->pixels);
+    values[HW_METRIC_PSNR_OBJECTS] = psnr(luma, m->luma_truth, m->mask, m->pixels);
+    values[HW_METRIC_PSNR_REFERENCE] = psnr(luma, m->luma_reference, NULL, m->pixels);
+    HW_TRY(ssim(m, luma, m->luma_reference, NULL, &values[HW_METRIC_SSIM_REFERENCE]));
+    return ssim(m, luma, m->luma_truth, m->mask, &values[HW_METRIC_SSIM_OBJECTS]);
+}
+
+static hw_status measure_frame(measurer *m, uint32_t frame)
+{
+    hw_report *r = m->report;
+    hw_camera camera = camera_of(m, r->frames[frame].tour_frame);
+    HW_TRY(draw_truth(m, &camera, &m->truth));
+    hw_luma(&m->truth, m->luma_truth);
+    HW_TRY(draw_reference(m, &camera));
+    HW_TRY(time_frame(m, frame, &camera));
+    for (uint32_t c = 0; c < r->config_count; c++)
+        HW_TRY(judge(m, c, r->configs[c].samples[frame].values));
+    return HW_OK;
+}
+
+static hw_status choose_frames(measurer *m)
+{
+    hw_report *r = m->report;
+    const hw_tour *tour = m->desc->tour;
+    HW_TRY(hw_report_make_samples(r, (tour->frame_count + r->every - 1) / r->every));
+    for (uint32_t i = 0; i < r->frame_count; i++) {
+        const hw_tour_frame *from = &tour->frames[i * r->every];
+        r->frames[i].tour_frame = i * r->every;
+        r->frames[i].t = from->t;
+        r->frames[i].cell =
+            hw_hexgrid_locate(&m->desc->manifest->grid, (double)from->eye.x, (double)from->eye.y);
+    }
+    return HW_OK;
+}
+
+static hw_status measure_frames(measurer *m)
+{
+    hw_progress *progress = NULL;
+    hw_status status = HW_OK;
+    HW_GO(hw_progress_create(&progress, "measuring", m->report->frame_count));
+    for (uint32_t i = 0; i < m->report->frame_count; i++) {
+        HW_GO(measure_frame(m, i));
+        hw_progress_add(progress, 1);
+    }
+out:
+    hw_progress_destroy(progress);
+    return status;
+}
+
+// ---- Pops
+
+// Whether the tour changes cells between frame i and i + 1.
+static bool crosses(const measurer *m, uint32_t i)
+{
+    const hw_hexgrid *grid = &m->desc->manifest->grid;
+    hw_vec3 a = m->desc->tour->frames[i].eye, b = m->desc->tour->frames[i + 1].eye;
+    hw_cell_id from = hw_hexgrid_locate(grid, (double)a.x, (double)a.y);
+    hw_cell_id to = hw_hexgrid_locate(grid, (double)b.x, (double)b.y);
+    return from.q != to.q || from.r != to.r;
+}
+
+static hw_status find_crossings(measurer *m, uint32_t **frames)
+{
+    hw_report *r = m->report;
+    const hw_tour *tour = m->desc->tour;
+    HW_TRY(HW_NEW(frames, tour->frame_count));
+    HW_TRY(HW_NEW(&r->crossings, tour->frame_count));
+    for (uint32_t i = 0; i + 1 < tour->frame_count; i++) {
+        if (!crosses(m, i))
+            continue;
+        (*frames)[r->crossing_count] = i;
+        r->crossings[r->crossing_count++] = (tour->frames[i].t + tour->frames[i + 1].t) / 2;
+    }
+    return HW_OK;
+}
+
+// RMS luma change of a configuration between two tour frames.
+static hw_status frame_change(measurer *m, hw_config config, hw_target *target, uint32_t frame,
+                              double *rms)
+{
+    float *first = m->luma_truth, *second = m->luma_reference;
+    hw_camera before = camera_of(m, frame), after = camera_of(m, frame + 1);
+    size_t count;
+    HW_TRY(draw_image(m, config, &before, target, &m->scratch));
+    hw_luma(&m->scratch, first);
+    HW_TRY(draw_image(m, config, &after, target, &m->scratch));
+    hw_luma(&m->scratch, second);
+    double sum = hw_squared_error(first, second, NULL, m->pixels, &count);
+    *rms = sqrt(sum / (double)count);
+    return HW_OK;
+}
+
+static hw_report_config *find_config(hw_report *report, hw_config config)
+{
+    for (uint32_t c = 0; c < report->config_count; c++)
+        if (report->configs[c].config == config)
+            return &report->configs[c];
+    return NULL;
+}
+
+// Evenly over all crossings of the tour, whether or not their frames were measured.
+static hw_status measure_pops(measurer *m, const uint32_t *frames)
+{
+    hw_report *r = m->report;
+    hw_report_config *hybrid = find_config(r, HW_CONFIG_C);
+    uint32_t count = r->crossing_count < POP_CROSSINGS_MAX ? r->crossing_count : POP_CROSSINGS_MAX;
+    double sum = 0, most = -(double)INFINITY;
+    if (!hybrid || count == 0)
+        return HW_OK;
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t frame = frames[(uint64_t)i * r->crossing_count / count];
+        double own, truth;
+        HW_TRY(frame_change(m, HW_CONFIG_B, m->truth_target, frame, &truth));
+        HW_TRY(frame_change(m, HW_CONFIG_C, m->target, frame, &own));
+        sum += own - truth;
+        most = fmax(most, own - truth);
+    }
+    r->popped_count = count;
+    hybrid->pop_mean = sum / count;
+    hybrid->pop_max = most;
+    return HW_OK;
+}
+
+// ---- Pictures
+
+typedef struct ranked {
+    double psnr;
+    uint32_t frame;
+} ranked;
+
+static int compare_ranked(const void *a, const void *b)
+{
+    const ranked *x = a, *y = b;
+    int order = (x->psnr > y->psnr) - (x->psnr < y->psnr);
+    return order ? order : (x->frame > y->frame) - (x->frame < y->frame);
+}
+
+static hw_status take_picture(measurer *m, hw_config config, const char *rank, uint32_t frame)
+{
+    hw_report *r = m->report;
+    hw_report_picture *picture = &r->pictures[r->picture_count++];
+    hw_camera camera = camera_of(m, r->frames[frame].tour_frame);
+    picture->config = config;
+    picture->rank = rank;
+    picture->frame = frame;
+    HW_TRY(draw_truth(m, &camera, &picture->truth));
+    return draw_image(m, config, &camera, m->target, &picture->image);
+}
+
+static hw_status take_pictures(measurer *m, hw_config config)
+{
+    static const char *const ranks[] = {"Worst", "Median", "Best"};
+    const hw_report *r = m->report;
+    const hw_report_config *c = hw_report_find(r, config);
+    ranked *order = NULL;
+    hw_status status = HW_OK;
+    if (!c)
+        return HW_OK;
+    HW_TRY(HW_NEW(&order, r->frame_count));
+    for (uint32_t i = 0; i < r->frame_count; i++)
+        order[i] = (ranked){c->samples[i].values[HW_METRIC_PSNR_1SPP], i};
+    qsort(order, r->frame_count, sizeof *order, compare_ranked);
+    const uint32_t picks[] = {0, r->frame_count / 2, r->frame_count - 1};
+    for (int i = 0; i < 3; i++)
+        // Of few frames one may hold several ranks; it is shown once.
+        if (i == 0 || picks[i] != picks[i - 1])
+            HW_GO(take_picture(m, config, ranks[i], order[picks[i]].frame));
+out:
+    hw_free(order);
+    return status;
+}
+
+static void read_gpu_peaks(measurer *m)
+{
+    hw_report *r = m->report;
+    for (uint32_t c = 0; c < r->config_count; c++)
+        r->configs[c].gpu_bytes_peak =
+            hw_renderer_gpu_bytes_peak(m->renderers[r->configs[c].config]);
+}
+
+hw_status hw_measure_run(const hw_measure_desc *desc, hw_report *report)
+{
+    measurer m = {.desc = desc, .report = report};
+    uint32_t *crossings = NULL;
+    hw_status status = HW_OK;
+    HW_GO(choose_frames(&m));
+    HW_GO(find_crossings(&m, &crossings));
+    HW_GO(make_graphics(&m));
+    HW_GO(make_buffers(&m));
+    HW_GO(measure_frames(&m));
+    HW_GO(measure_pops(&m, crossings));
+    HW_GO(take_pictures(&m, HW_CONFIG_C));
+    HW_GO(take_pictures(&m, HW_CONFIG_L));
+    read_gpu_peaks(&m);
+out:
+    hw_free(crossings);
+    clean_up(&m);
+    return status;
+}
