@@ -213,7 +213,6 @@ static cJSON *to_json(const hw_manifest *m)
     hw_json_add_number(json, "self_occlusion_px", m->self_occlusion_px);
     hw_json_add_number(json, "edge_length_px", m->edge_length_px);
     hw_json_add_number(json, "near_error_px", m->near_error_px);
-    hw_json_add_number(json, "build_seconds", m->build_seconds);
     add_whole(json, "mesh_bytes", m->mesh_bytes);
     add_whole(json, "texture_bytes", m->texture_bytes);
     add_whole(json, "near_bytes", m->near_bytes);
@@ -378,7 +377,6 @@ static hw_status get_head(const char *name, const cJSON *json, hw_manifest *out)
     HW_TRY(hw_json_number(name, json, "self_occlusion_px", &out->self_occlusion_px));
     HW_TRY(hw_json_number(name, json, "edge_length_px", &out->edge_length_px));
     HW_TRY(hw_json_number(name, json, "near_error_px", &out->near_error_px));
-    HW_TRY(hw_json_number(name, json, "build_seconds", &out->build_seconds));
     HW_TRY(get_whole(name, json, "mesh_bytes", &out->mesh_bytes));
     HW_TRY(get_whole(name, json, "texture_bytes", &out->texture_bytes));
     HW_TRY(get_whole(name, json, "near_bytes", &out->near_bytes));
@@ -412,6 +410,37 @@ hw_status hw_manifest_parse(const char *name, const char *text, size_t size, hw_
     return status;
 }
 
+// How long the build took stands in a file of its own, so that equal inputs give equal manifests.
+// It may be missing.
+static hw_status read_seconds(const char *dataset, double *seconds)
+{
+    hw_status status = HW_OK;
+    char *path = NULL;
+    cJSON *json = NULL;
+    *seconds = 0;
+    HW_TRY(hw_path_join(&path, dataset, "build.json"));
+    if (!hw_path_exists(path))
+        goto out;
+    HW_GO(hw_json_read(path, &json));
+    HW_GO(hw_json_number(path, json, "seconds", seconds));
+out:
+    cJSON_Delete(json);
+    hw_free(path);
+    return status;
+}
+
+static hw_status write_seconds(const char *dataset, double seconds)
+{
+    char *path = NULL;
+    HW_TRY(hw_path_join(&path, dataset, "build.json"));
+    cJSON *json = cJSON_CreateObject();
+    hw_json_add_number(json, "seconds", seconds);
+    hw_status status = hw_json_write(path, json);
+    cJSON_Delete(json);
+    hw_free(path);
+    return status;
+}
+
 hw_status hw_manifest_read(const char *dataset, hw_manifest *out)
 {
     hw_status status = HW_OK;
@@ -428,6 +457,9 @@ hw_status hw_manifest_read(const char *dataset, hw_manifest *out)
     }
     HW_GO(hw_json_read(path, &json));
     HW_GO(from_json(path, json, out));
+    status = read_seconds(dataset, &out->build_seconds);
+    if (status != HW_OK)
+        hw_manifest_free(out);
 out:
     cJSON_Delete(json);
     hw_free(path);
@@ -455,7 +487,8 @@ hw_status hw_manifest_write(const char *dataset, const hw_manifest *manifest)
         status = hw_fail(HW_MEMORY, "%s: out of memory while writing", path);
         goto out;
     }
-    HW_GO(hw_json_write(path, json));
+    HW_GO(write_seconds(dataset, manifest->build_seconds));
+    HW_GO(hw_json_write(path, json)); // last: it makes the folder a dataset
 out:
     hw_manifest_free(&check);
     hw_free(sorted.cells);

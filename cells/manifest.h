@@ -26,7 +26,7 @@ typedef struct hw_manifest {
     uint64_t scene_triangles;
     char *policy;
     double self_occlusion_px, edge_length_px, near_error_px;
-    double build_seconds;
+    double build_seconds; // in build.json, the only file that differs between equal builds
     uint64_t mesh_bytes, texture_bytes; // sums over the cells, as stored
     uint64_t near_bytes;                // the meshes folder
     hw_hexgrid grid;

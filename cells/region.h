@@ -7,9 +7,9 @@ typedef struct hw_region_distance {
     double nearest;   // least distance from any point of the prism to the box; 0 if they meet
     double farthest;  // an upper bound on the largest distance from a point of the prism to the
                       // box's nearest point
-    double effective; // d_eff: 1 / d_eff^2 = mean of 1 / d^2 over the cell, d to the box's centre;
-                      // at least `nearest`; taken at 54 points
-                      // of the hexagon at half height (centroids of equal triangles)
+    double effective; // d_eff: 1 / d_eff^2 = mean of 1 / d^2 over the cell, d to the box's centre,
+                      // at least `nearest`; taken at 54 points of the hexagon at half height (the
+                      // centroids of equal triangles)
     double centre;    // from the cell centre to the box (0 inside)
 } hw_region_distance;
 hw_region_distance hw_region_distance_to(const hw_hexgrid *grid, hw_cell_id id, hw_box box);

@@ -4,7 +4,8 @@
 #include "parallel.h"
 #include "rays.h"
 
-#define DEFAULT_RAYS 64
+#define DEFAULT_RAYS 256
+#define GROUND_LIGHT 0.5f  // what a ray that leaves downwards meets: the ground reflects about half
 #define BLOCK        256   // vertices handed out at a time
 #define OFFSET       1e-4f // of the diagonal: off the surface, below any detail that could show
 
@@ -52,17 +53,16 @@ static float openness(const bake_job *job, uint32_t vertex)
     float angle = (float)((double)(hw_hash(0, &place, sizeof place) >> 40) * 0x1p-24 * 2 * HW_PI);
     float c = cosf(angle), d = sinf(angle);
     hw_vec3 origin = hw_v3_mad(job->mesh->positions[vertex], n, job->offset);
-    uint32_t open = 0;
+    float open = 0;
     for (uint32_t i = 0; i < job->direction_count; i++) {
         hw_vec3 l = job->directions[i];
         hw_vec3 w = hw_v3_scale(n, l.z);
         w = hw_v3_mad(w, s, c * l.x - d * l.y);
         w = hw_v3_mad(w, t, d * l.x + c * l.y);
-        if (w.z < 0) // meets the ground, if nothing before it
-            continue;
-        open += !hw_rays_occluded(job->rays, origin, w, 0, INFINITY);
+        if (!hw_rays_occluded(job->rays, origin, w, 0, INFINITY))
+            open += w.z < 0 ? GROUND_LIGHT : 1;
     }
-    return (float)open / (float)job->direction_count;
+    return open / (float)job->direction_count;
 }
 
 static uint8_t scale8(uint8_t value, float factor)

@@ -11,9 +11,9 @@
 
 #define LEVEL_STEP 0.8408964152537146 // 2^(-1/4)
 #define IMPORTANCE_LINES 32u
-#define OUTLINE_VIEWS 12u
+#define OUTLINE_VIEWS 8u
 #define OUTLINE_RESOLUTION 1024u
-#define DEVIATION_SAMPLES 20000u
+#define DEVIATION_SAMPLES 4000u
 
 typedef struct maker {
     const hw_mesh *original;

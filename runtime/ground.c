@@ -1,5 +1,6 @@
 #include "ground.h"
 #include "appearance.h"
+#include "camera.h"
 #include "shaders.h"
 
 hw_status hw_ground_gl_create(hw_gpu_account *account, const hw_ground *ground, hw_ground_gl *out)
@@ -12,10 +13,11 @@ hw_status hw_ground_gl_create(hw_gpu_account *account, const hw_ground *ground, 
     float light = hw_light(hw_v3(0, 0, 1));
     for (int i = 0; i < 3; i++)
         out->color[i] = ground->color[i] * light;
+    // Drawn out to the horizon: the rectangle of the scene only says where things stand.
     hw_box r = ground->rect;
-    float z = r.min.z;
-    const float corners[4][3] = {
-        {r.min.x, r.min.y, z}, {r.max.x, r.min.y, z}, {r.min.x, r.max.y, z}, {r.max.x, r.max.y, z}};
+    float x0 = r.min.x - HW_CAMERA_FAR, x1 = r.max.x + HW_CAMERA_FAR;
+    float y0 = r.min.y - HW_CAMERA_FAR, y1 = r.max.y + HW_CAMERA_FAR, z = r.min.z;
+    const float corners[4][3] = {{x0, y0, z}, {x1, y0, z}, {x0, y1, z}, {x1, y1, z}};
     HW_GO(hw_gpu_program("ground", NULL, hw_shader_ground_vert, hw_shader_ground_frag,
                          &out->program));
     out->clip_location = glGetUniformLocation(out->program, "u_clip");

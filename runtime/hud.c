@@ -99,11 +99,12 @@ static void add_rectangle(hw_hud *hud, float x0, float y0, float x1, float y1, u
         v[i] = (hud_vertex){xs[i], ys[i], 0, {16, 20, 28, alpha}};
 }
 
-// Copies to hud->text what one row of `width` of the font's pixels holds of the text, broken at a
-// space where there is one. Returns the characters used; *measured gets the row's own width.
+// Copies to hud->text what one row of `width` of the font's pixels holds of the text, broken
+// between groups (set off by three spaces) or else at a space where there is one. Returns the
+// characters used; *measured gets the row's own width.
 static size_t fit_row(hw_hud *hud, const char *text, int width, int *measured)
 {
-    size_t n = 0, space = 0;
+    size_t n = 0, space = 0, group = 0;
     int x = 0;
     for (; text[n] && n < TEXT_MAX - 1; n++) {
         char shown[2] = {text[n] >= 32 && text[n] < 127 ? text[n] : '?', '\0'};
@@ -113,9 +114,11 @@ static size_t fit_row(hw_hud *hud, const char *text, int width, int *measured)
         hud->text[n] = shown[0];
         if (shown[0] == ' ')
             space = n;
+        if (strncmp(text + n, "   ", 3) == 0)
+            group = n;
     }
     if (text[n] && space > 0)
-        n = space;
+        n = group > 0 ? group : space;
     hud->text[n] = '\0';
     *measured = stb_easy_font_width(hud->text);
     while (text[n] == ' ')

@@ -8,8 +8,8 @@
 #define HW_LIGHT_X           0.45f
 #define HW_LIGHT_Y           0.30f
 #define HW_LIGHT_Z           0.84f
-#define HW_LIGHT_DIRECTIONAL 0.62f
-#define HW_LIGHT_AMBIENT     0.38f
+#define HW_LIGHT_DIRECTIONAL 0.55f
+#define HW_LIGHT_AMBIENT     0.45f
 // Sky: the clear colour.
 #define HW_SKY_R 0.62f
 #define HW_SKY_G 0.73f

@@ -3,6 +3,7 @@
 #include "image_io.h"
 #include "import_check.h"
 #include "log.h"
+#include "triangulate.h"
 #include <assert.h>
 #include <assimp/cimport.h>
 #include <assimp/material.h>
@@ -11,9 +12,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define NONE        UINT32_MAX
-#define DEPTH_MAX   1000 // nesting of nodes
-#define POLYGON_MAX 1000 // corners: Assimp's ear clipping takes cubic time
+#define NONE      UINT32_MAX
+#define DEPTH_MAX 1000 // nesting of nodes
 
 typedef struct importer {
     const char *path;
@@ -89,21 +89,29 @@ static hw_status copy_normals(const struct aiMesh *source, hw_mesh *out)
     return HW_OK;
 }
 
-// Triangles only: Assimp has triangulated polygons; points and lines are skipped.
+// Polygons are cut here: Assimp's own step aborts the program over some of the odder ones. Points
+// and lines are skipped, and polygons with an index out of range refused.
 static hw_status copy_indices(const struct aiMesh *source, hw_mesh *out)
 {
     size_t triangles = 0;
-    for (uint32_t i = 0; i < source->mNumFaces; i++)
-        triangles += source->mFaces[i].mNumIndices == 3;
+    for (uint32_t i = 0; i < source->mNumFaces; i++) {
+        const struct aiFace *face = &source->mFaces[i];
+        triangles += face->mNumIndices >= 3 ? face->mNumIndices - 2 : 0;
+        for (uint32_t k = 0; k < face->mNumIndices; k++)
+            if (face->mIndices[k] >= source->mNumVertices)
+                return hw_fail(HW_FORMAT, "mesh %s: index %u out of range (%u vertices)", out->name,
+                               face->mIndices[k], source->mNumVertices);
+    }
     if (triangles > UINT32_MAX / 3)
         return hw_fail(HW_LIMIT, "mesh %s: %zu triangles are too many", out->name, triangles);
     HW_TRY(HW_NEW(&out->indices, 3 * triangles));
     for (uint32_t i = 0; i < source->mNumFaces; i++) {
         const struct aiFace *face = &source->mFaces[i];
-        if (face->mNumIndices != 3)
+        if (face->mNumIndices < 3)
             continue;
-        for (int k = 0; k < 3; k++)
-            out->indices[out->index_count++] = face->mIndices[k];
+        hw_triangulate(out->positions, face->mIndices, face->mNumIndices,
+                       out->indices + out->index_count);
+        out->index_count += 3 * (face->mNumIndices - 2);
     }
     return HW_OK;
 }
@@ -144,15 +152,17 @@ static hw_status convert_mesh(const importer *in, const struct aiMesh *source, h
     // An STL's normals are those of its facets: of no use once corners are shared.
     bool normals = !in->positions_only && in->kind != HW_MODEL_STL;
     HW_TRY(hw_strdup(&out->name, source->mName.data));
-    HW_TRY(copy_indices(source, out));
-    if (out->index_count == 0)
+    if (!source->mVertices)
         return HW_OK;
     out->vertex_count = source->mNumVertices;
     HW_TRY(HW_NEW(&out->positions, out->vertex_count));
-    for (uint32_t i = 0; source->mVertices && i < out->vertex_count; i++) {
+    for (uint32_t i = 0; i < out->vertex_count; i++) {
         const struct aiVector3D *p = &source->mVertices[i];
         out->positions[i] = hw_v3(p->x, p->y, p->z);
     }
+    HW_TRY(copy_indices(source, out));
+    if (out->index_count == 0)
+        return HW_OK;
     HW_TRY(copy_colors(source, out));
     if (normals)
         HW_TRY(copy_normals(source, out));
@@ -353,9 +363,10 @@ static void base_color(const importer *in, const struct aiMaterial *source, floa
     struct aiColor4D c = {1, 1, 1, 1};
     (void)aiGetMaterialString(source, AI_MATKEY_NAME, &name);
     // Assimp's own gray, for models without materials, is no colour of theirs.
+    bool bare = in->kind == HW_MODEL_PLY || in->kind == HW_MODEL_OFF || in->kind == HW_MODEL_STL;
     bool invented =
-        in->kind != HW_MODEL_GLTF &&
-        (strcmp(name.data, AI_DEFAULT_MATERIAL_NAME) == 0 || strcmp(name.data, "%%%DEFAULT") == 0);
+        bare || (in->kind != HW_MODEL_GLTF && (strcmp(name.data, AI_DEFAULT_MATERIAL_NAME) == 0 ||
+                                               strcmp(name.data, "%%%DEFAULT") == 0));
     if (!invented && aiGetMaterialColor(source, AI_MATKEY_BASE_COLOR, &c) != aiReturn_SUCCESS &&
         aiGetMaterialColor(source, AI_MATKEY_COLOR_DIFFUSE, &c) != aiReturn_SUCCESS)
         c = (struct aiColor4D){1, 1, 1, 1};
@@ -488,28 +499,39 @@ static hw_status assimp_error(const char *path)
     return hw_fail(HW_FORMAT, "%s: not readable as a model: %s", path, n ? text : "unknown reason");
 }
 
-static hw_status check_polygons(const char *path, const struct aiScene *source)
+// Refuses polygons too large to triangulate, and files of which Assimp has read only a part.
+static hw_status check_polygons(const char *path, const struct aiScene *source, uint64_t expected)
 {
-    for (uint32_t m = 0; m < source->mNumMeshes; m++)
+    uint64_t faces = 0;
+    for (uint32_t m = 0; m < source->mNumMeshes; m++) {
+        faces += source->mMeshes[m]->mNumFaces;
         for (uint32_t i = 0; i < source->mMeshes[m]->mNumFaces; i++)
-            if (source->mMeshes[m]->mFaces[i].mNumIndices > POLYGON_MAX)
-                return hw_fail(HW_LIMIT, "%s: polygon %u has %u corners (at most %d)", path, i,
-                               source->mMeshes[m]->mFaces[i].mNumIndices, POLYGON_MAX);
+            if (source->mMeshes[m]->mFaces[i].mNumIndices > HW_POLYGON_MAX)
+                return hw_fail(HW_LIMIT, "%s: polygon %u has %u corners (at most %u)", path, i,
+                               source->mMeshes[m]->mFaces[i].mNumIndices, HW_POLYGON_MAX);
+    }
+    if (faces < expected)
+        return hw_fail(HW_FORMAT, "%s: only %llu of %llu faces could be read", path,
+                       (unsigned long long)faces, (unsigned long long)expected);
     return HW_OK;
 }
 
-// Reads, validates (Assimp's own check of every index) and triangulates.
+// Reads, with Assimp's own check of its data structure, but none of its other steps.
 static hw_status read_source(const char *path, const struct aiScene **out)
 {
-    HW_TRY(hw_import_check(path));
-    *out = aiImportFile(path, aiProcess_ValidateDataStructure);
+    const unsigned flags = aiProcess_ValidateDataStructure;
+    hw_model_facts facts;
+    HW_TRY(hw_import_check(path, &facts));
+    if (facts.text)
+        *out = aiImportFileFromMemory(facts.text, (unsigned)facts.text_bytes, flags, "off");
+    else
+        *out = aiImportFile(path, flags);
+    hw_free(facts.text);
     if (!*out)
         return assimp_error(path);
     if (!(*out)->mRootNode || (*out)->mNumMeshes == 0)
         return hw_fail(HW_FORMAT, "%s: no triangle", path);
-    HW_TRY(check_polygons(path, *out));
-    *out = aiApplyPostProcessing(*out, aiProcess_Triangulate);
-    return *out ? HW_OK : assimp_error(path);
+    return check_polygons(path, *out, facts.faces);
 }
 
 static hw_status convert(importer *in)

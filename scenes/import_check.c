@@ -2,6 +2,9 @@
 #include "alloc.h"
 #include "bytes.h"
 #include "file.h"
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 
@@ -14,59 +17,128 @@ static hw_status fail_line(const char *path, const hw_words *w, const char *caus
     return hw_fail(HW_FORMAT, "%s: line %llu: %s", path, (unsigned long long)w->line, cause);
 }
 
-static hw_status off_vertices(const char *path, hw_words *w, int64_t count)
+// The rest of a COFF line, three or four components, as four in [0, 1]: whole numbers are of 255.
+// No colour at all is white.
+static bool off_color(hw_words *w, hw_bytes_writer *out)
+{
+    double c[4] = {1, 1, 1, 1};
+    bool whole = true;
+    const char *word;
+    size_t length;
+    int n = 0;
+    for (hw_words look = *w; n < 4 && hw_words_get(&look, &word, &length); n++) {
+        if (!hw_words_number(w))
+            return false;
+        c[n] = strtod(word, NULL);
+        whole = whole && !memchr(word, '.', length);
+    }
+    if (n == 1 || n == 2)
+        return false;
+    for (int k = 0; k < 4; k++) {
+        char text[32];
+        int size = snprintf(text, sizeof text, " %.6f",
+                            k < n && whole ? fmin(c[k], 255) / 255 : fmin(c[k], 1));
+        hw_put_bytes(out, text, size > 0 ? (size_t)size : 0);
+    }
+    return true;
+}
+
+static hw_status off_vertices(const char *path, hw_words *w, int64_t count, bool colors,
+                              hw_bytes_writer *out)
 {
     for (int64_t i = 0; i < count; i++) {
         if (!hw_words_line(w))
             return hw_fail(HW_FORMAT, "%s: truncated after %lld of %lld vertices", path,
                            (long long)i, (long long)count);
+        const char *start = w->next;
         for (int k = 0; k < 3; k++)
             if (!hw_words_number(w))
                 return fail_line(path, w, "three coordinates expected");
+        hw_put_bytes(out, start, (size_t)(w->next - start));
+        start = w->next;
+        if (colors && !off_color(w, out))
+            return fail_line(path, w, "three or four components of a colour expected");
+        const char *comment = memchr(start, '#', (size_t)(w->end - start));
+        if (!colors)
+            hw_put_bytes(out, start, (size_t)((comment ? comment : w->end) - start));
+        hw_put_u8(out, '\n');
     }
     return HW_OK;
 }
 
-static hw_status off_faces(const char *path, hw_words *w, int64_t count, int64_t vertices)
+static hw_status off_face(const char *path, hw_words *w, int64_t vertices, hw_model_facts *facts,
+                          hw_bytes_writer *out)
 {
-    for (int64_t i = 0; i < count; i++) {
-        int64_t corners, index;
+    int64_t corners, index;
+    if (!hw_words_integer(w, &corners) || corners < 0)
+        return fail_line(path, w, "a number of corners expected");
+    facts->faces += corners >= 3;
+    for (int64_t k = -1; k < corners; k++) {
+        if (k >= 0 && !hw_words_integer(w, &index))
+            return fail_line(path, w, "fewer indices than corners");
+        if (k >= 0 && (index < 0 || index >= vertices))
+            return hw_fail(HW_FORMAT, "%s: line %llu: index %lld out of range (%lld vertices)",
+                           path, (unsigned long long)w->line, (long long)index,
+                           (long long)vertices);
+        char text[32];
+        int n = snprintf(text, sizeof text, "%lld ", (long long)(k < 0 ? corners : index));
+        hw_put_bytes(out, text, n > 0 ? (size_t)n : 0);
+    }
+    hw_put_u8(out, '\n');
+    return HW_OK;
+}
+
+static hw_status off_body(const char *path, hw_words *w, bool colors, hw_model_facts *facts,
+                          hw_bytes_writer *out)
+{
+    int64_t vertices, faces;
+    char counts[64];
+    if (!hw_words_integer(w, &vertices) || !hw_words_integer(w, &faces) || vertices < 0 ||
+        faces < 0)
+        return fail_line(path, w, "counts of vertices, faces and edges expected");
+    int n = snprintf(counts, sizeof counts, "%lld %lld 0\n", (long long)vertices, (long long)faces);
+    hw_put_bytes(out, counts, n > 0 ? (size_t)n : 0);
+    HW_TRY(off_vertices(path, w, vertices, colors, out));
+    for (int64_t i = 0; i < faces; i++) {
         if (!hw_words_line(w))
             return hw_fail(HW_FORMAT, "%s: truncated after %lld of %lld faces", path, (long long)i,
-                           (long long)count);
-        if (!hw_words_integer(w, &corners) || corners < 0)
-            return fail_line(path, w, "a number of corners expected");
-        for (int64_t k = 0; k < corners; k++) {
-            if (!hw_words_integer(w, &index))
-                return fail_line(path, w, "fewer indices than corners");
-            if (index < 0 || index >= vertices)
-                return hw_fail(HW_FORMAT, "%s: line %llu: index %lld out of range (%lld vertices)",
-                               path, (unsigned long long)w->line, (long long)index,
-                               (long long)vertices);
-        }
+                           (long long)faces);
+        HW_TRY(off_face(path, w, vertices, facts, out));
     }
-    return HW_OK;
+    return facts->faces > 0 ? HW_OK : hw_fail(HW_FORMAT, "%s: no triangle", path);
 }
 
-hw_status hw_check_off(const hw_model_bytes *file)
+// Writes the model anew in the one form that Assimp reads without losing anything: no comments, all
+// three counts on their line, single blanks, nothing after a face's indices.
+hw_status hw_check_off(const hw_model_bytes *file, hw_model_facts *facts)
 {
     hw_words w = hw_words_make(file->data, file->size, '#');
-    const char *word = NULL;
-    size_t length = 0;
-    int64_t vertices, faces;
-    if (!hw_words_line(&w) || !hw_words_get(&w, &word, &length) || length < 3 || length > 9 ||
-        memcmp(word + length - 3, "OFF", 3) != 0)
+    hw_bytes_writer out = {0};
+    const char *kind = NULL, *word;
+    size_t length = 0, more;
+    if (!hw_words_line(&w) || !hw_words_get(&w, &kind, &length) || length < 3 || length > 9 ||
+        memcmp(kind + length - 3, "OFF", 3) != 0)
         return hw_fail(HW_FORMAT, "%s: no OFF file (it does not start with OFF)", file->path);
-    if (length > 3 && (word[length - 4] == 'n' || word[length - 4] == '4'))
+    if (length > 3 && (kind[length - 4] == 'n' || kind[length - 4] == '4'))
         return hw_fail(HW_FORMAT, "%s: OFF of other than three dimensions", file->path);
-    if (hw_words_get(&w, &word, &length))
-        return fail_line(file->path, &w, "the counts belong on a line of their own");
-    if (!hw_words_line(&w) || !hw_words_integer(&w, &vertices) || !hw_words_integer(&w, &faces) ||
-        vertices < 0 || faces < 0)
-        return fail_line(file->path, &w, "counts of vertices, faces and edges expected");
-    HW_TRY(off_vertices(file->path, &w, vertices));
-    HW_TRY(off_faces(file->path, &w, faces, vertices));
-    return faces > 0 ? HW_OK : hw_fail(HW_FORMAT, "%s: no triangle", file->path);
+    hw_words rest = w; // the counts may follow on the same line
+    if (!hw_words_get(&rest, &word, &more) && !hw_words_line(&w))
+        return hw_fail(HW_FORMAT, "%s: truncated after the first line", file->path);
+    bool colors = length == 4 && kind[0] == 'C';
+    hw_put_bytes(&out, kind, length);
+    hw_put_u8(&out, '\n');
+    hw_status status = off_body(file->path, &w, colors, facts, &out);
+    if (status == HW_OK)
+        status = hw_bytes_writer_check(&out);
+    if (status == HW_OK && out.size > UINT32_MAX)
+        status = hw_fail(HW_LIMIT, "%s: too long for an OFF file", file->path);
+    if (status != HW_OK) {
+        hw_bytes_writer_free(&out);
+        return status;
+    }
+    facts->text = (char *)out.data;
+    facts->text_bytes = out.size;
+    return HW_OK;
 }
 
 // ---- OBJ ----------------------------------------------------------------------------------------
@@ -162,7 +234,7 @@ hw_status hw_check_obj(const hw_model_bytes *file)
 #define STL_HEADER_BYTES   84
 #define STL_TRIANGLE_BYTES 50
 
-static hw_status stl_text(const hw_model_bytes *file)
+static hw_status stl_text(const hw_model_bytes *file, hw_model_facts *facts)
 {
     hw_words w = hw_words_make(file->data, file->size, 0);
     uint64_t facets = 0, closed = 0, vertices = 0;
@@ -189,14 +261,15 @@ static hw_status stl_text(const hw_model_bytes *file)
     if (vertices != 3 * facets)
         return hw_fail(HW_FORMAT, "%s: %llu facets with %llu vertices", file->path,
                        (unsigned long long)facets, (unsigned long long)vertices);
+    facts->faces = facets;
     return HW_OK;
 }
 
-hw_status hw_check_stl(const hw_model_bytes *file)
+hw_status hw_check_stl(const hw_model_bytes *file, hw_model_facts *facts)
 {
     if (file->size >= STL_HEADER_BYTES) {
         hw_bytes_reader r = hw_bytes_reader_make(file->data + 80, 4);
-        uint64_t count = hw_get_u32(&r);
+        uint64_t count = facts->faces = hw_get_u32(&r);
         if (file->size == STL_HEADER_BYTES + STL_TRIANGLE_BYTES * count)
             return count ? HW_OK : hw_fail(HW_FORMAT, "%s: no triangle", file->path);
     }
@@ -204,7 +277,7 @@ hw_status hw_check_stl(const hw_model_bytes *file)
     const char *word;
     size_t length;
     if (hw_words_line(&w) && hw_words_get(&w, &word, &length) && word_is(word, length, "solid"))
-        return stl_text(file);
+        return stl_text(file, facts);
     return hw_fail(HW_FORMAT,
                    "%s: no STL file: it neither starts with \"solid\" nor has the length that its "
                    "number of triangles asks for (truncated?)",
@@ -327,19 +400,19 @@ hw_model_kind hw_model_kind_of(const char *path)
     return HW_MODEL_OTHER;
 }
 
-static hw_status check_kind(const hw_model_bytes *file)
+static hw_status check_kind(const hw_model_bytes *file, hw_model_facts *facts)
 {
     switch (hw_model_kind_of(file->path)) {
     case HW_MODEL_GLTF:
         return hw_check_gltf(file);
     case HW_MODEL_PLY:
-        return hw_check_ply(file);
+        return hw_check_ply(file, facts);
     case HW_MODEL_OBJ:
         return hw_check_obj(file);
     case HW_MODEL_OFF:
-        return hw_check_off(file);
+        return hw_check_off(file, facts);
     case HW_MODEL_STL:
-        return hw_check_stl(file);
+        return hw_check_stl(file, facts);
     case HW_MODEL_3DS:
         return hw_check_3ds(file);
     case HW_MODEL_OTHER:
@@ -348,14 +421,15 @@ static hw_status check_kind(const hw_model_bytes *file)
     return HW_OK;
 }
 
-hw_status hw_import_check(const char *path)
+hw_status hw_import_check(const char *path, hw_model_facts *facts)
 {
     uint8_t *data = NULL;
     hw_model_bytes file = {.path = path};
+    *facts = (hw_model_facts){0};
     HW_TRY(hw_file_read(path, FILE_BYTES_MAX, &data, &file.size));
     file.data = data;
-    hw_status status =
-        file.size == 0 ? hw_fail(HW_FORMAT, "%s: the file is empty", path) : check_kind(&file);
+    hw_status status = file.size == 0 ? hw_fail(HW_FORMAT, "%s: the file is empty", path)
+                                      : check_kind(&file, facts);
     hw_free(data);
     return status;
 }

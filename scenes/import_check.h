@@ -18,9 +18,17 @@ typedef enum hw_model_kind {
 
 // By the file name's extension.
 hw_model_kind hw_model_kind_of(const char *path);
+// What a check finds out.
+typedef struct hw_model_facts {
+    uint64_t faces;    // polygons that a reader must find; 0 where that is not known
+    char *text;        // the model in a form that Assimp does not stumble over (OFF); else NULL
+    size_t text_bytes; //
+} hw_model_facts;
+
 // Structure, lengths, counts and indices; errors name the file first, then the cause. Missing,
-// empty, overlong (8 GiB) and irregular files are refused for every kind.
-HW_MUST_USE hw_status hw_import_check(const char *path);
+// empty, overlong (8 GiB) and irregular files are refused for every kind. Free facts->text with
+// hw_free (NULL on failure).
+HW_MUST_USE hw_status hw_import_check(const char *path, hw_model_facts *facts);
 
 // A file's content. Parsers below may rely on a 0 byte after `size` bytes.
 typedef struct hw_model_bytes {
@@ -29,10 +37,10 @@ typedef struct hw_model_bytes {
     size_t size;
 } hw_model_bytes;
 HW_MUST_USE hw_status hw_check_gltf(const hw_model_bytes *file);
-HW_MUST_USE hw_status hw_check_ply(const hw_model_bytes *file);
-HW_MUST_USE hw_status hw_check_off(const hw_model_bytes *file);
+HW_MUST_USE hw_status hw_check_ply(const hw_model_bytes *file, hw_model_facts *facts);
+HW_MUST_USE hw_status hw_check_off(const hw_model_bytes *file, hw_model_facts *facts);
 HW_MUST_USE hw_status hw_check_obj(const hw_model_bytes *file);
-HW_MUST_USE hw_status hw_check_stl(const hw_model_bytes *file);
+HW_MUST_USE hw_status hw_check_stl(const hw_model_bytes *file, hw_model_facts *facts);
 HW_MUST_USE hw_status hw_check_3ds(const hw_model_bytes *file);
 
 // A cursor over the words of a text file, line by line.

@@ -89,7 +89,11 @@ static hw_status open_external(const gltf_file *g, gltf_buffer *buffer, const ch
     HW_GO(hw_path_dir(&dir, g->path));
     HW_GO(hw_path_join(&full, dir, uri));
     if (hw_path_exists(full)) {
-        HW_GO(hw_file_read(full, 0, &buffer->owned, &size));
+        status = hw_file_read(full, 0, &buffer->owned, &size);
+        if (status != HW_OK) {
+            status = hw_fail_prefix(status, g->path);
+            goto out;
+        }
         buffer->data = buffer->owned;
     }
     if (size < buffer->size)
@@ -274,6 +278,23 @@ static hw_status check_meshes(gltf_file *g)
     return i > 0 ? HW_OK : hw_fail(HW_FORMAT, "%s: no triangle", g->path);
 }
 
+// Assimp crashes over media types without a slash.
+static hw_status check_images(const gltf_file *g)
+{
+    uint32_t count, view, i = 0;
+    const cJSON *array = array_of(g, "images", &count), *item;
+    cJSON_ArrayForEach(item, array)
+    {
+        const cJSON *type = cJSON_GetObjectItemCaseSensitive(item, "mimeType");
+        if (type && (!cJSON_IsString(type) || strncmp(type->valuestring, "image/", 6) != 0))
+            return fail_at(g, "image", i, "its media type is none of an image");
+        if (!get_index(item, "bufferView", g->view_count, &view))
+            return fail_at(g, "image", i, "its bufferView is out of range");
+        i++;
+    }
+    return HW_OK;
+}
+
 // ---- Nodes --------------------------------------------------------------------------------------
 
 static hw_status check_numbers(const gltf_file *g, uint32_t node, const cJSON *item,
@@ -378,6 +399,7 @@ static hw_status check_document(gltf_file *g, const char *text, size_t size)
     HW_TRY(check_views(g));
     HW_TRY(check_accessors(g));
     HW_TRY(check_meshes(g));
+    HW_TRY(check_images(g));
     return check_nodes(g);
 }
 

@@ -27,8 +27,7 @@ typedef struct ply_file {
     uint32_t element_count, property_count;
     ply_element elements[ELEMENTS_MAX];
     ply_property properties[PROPERTIES_MAX];
-    uint64_t vertex_count, face_count;
-    bool windows_lines; // "\r\n" in the header
+    uint64_t vertex_count, face_count, strip_count;
 } ply_file;
 
 // ---- Header -------------------------------------------------------------------------------------
@@ -88,9 +87,10 @@ static bool parse_element(hw_words *w, ply_file *ply)
     e->is_vertex = length == 6 && memcmp(word, "vertex", 6) == 0;
     if (e->is_vertex)
         ply->vertex_count = e->count;
-    if ((length == 4 && memcmp(word, "face", 4) == 0) ||
-        (length == 9 && memcmp(word, "tristrips", 9) == 0))
+    if (length == 4 && memcmp(word, "face", 4) == 0)
         ply->face_count = e->count;
+    if (length == 9 && memcmp(word, "tristrips", 9) == 0)
+        ply->strip_count = e->count;
     return true;
 }
 
@@ -130,7 +130,6 @@ static hw_status parse_header(const hw_model_bytes *file, hw_words *w, ply_file 
     if (!hw_words_line(w) || !next_is(w, "ply"))
         return hw_fail(HW_FORMAT, "%s: no PLY file (it does not start with ply)", file->path);
     while (hw_words_line(w)) {
-        ply->windows_lines |= w->end > w->next && w->end[-1] == '\r';
         bool good = hw_words_get(w, &word, &length);
         if (length == 10 && memcmp(word, "end_header", 10) == 0)
             return format ? HW_OK : fail_header(ply, w);
@@ -254,15 +253,16 @@ static hw_status check_ascii(const ply_file *ply, hw_words *w)
     return HW_OK;
 }
 
-hw_status hw_check_ply(const hw_model_bytes *file)
+hw_status hw_check_ply(const hw_model_bytes *file, hw_model_facts *facts)
 {
     ply_file ply = {.path = file->path};
     hw_words w = hw_words_make(file->data, file->size, 0);
     HW_TRY(parse_header(file, &w, &ply));
-    if (ply.vertex_count == 0 || ply.face_count == 0)
+    if (ply.vertex_count == 0 || (ply.face_count == 0 && ply.strip_count == 0))
         return hw_fail(HW_FORMAT, "%s: no triangle", file->path);
     if (ply.vertex_count > UINT32_MAX || ply.face_count > UINT32_MAX)
         return hw_fail(HW_LIMIT, "%s: too many vertices or faces", file->path);
+    facts->faces = ply.face_count;
     if (ply.encoding == PLY_ASCII)
         return check_ascii(&ply, &w);
     size_t start = (size_t)(w.end - (const char *)file->data) + 1; // past the newline

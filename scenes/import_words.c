@@ -40,7 +40,7 @@ bool hw_words_get(hw_words *w, const char **word, size_t *length)
     if (w->next == w->end || (w->comment && *w->next == w->comment))
         return false;
     *word = w->next;
-    while (w->next < w->end && !is_blank(*w->next))
+    while (w->next < w->end && !is_blank(*w->next) && !(w->comment && *w->next == w->comment))
         w->next++;
     *length = (size_t)(w->next - *word);
     return true;

@@ -41,12 +41,12 @@ typedef struct tint {
     float color[3];
 } tint;
 static const tint tints[] = {
-    {"limestone", {0.86f, 0.82f, 0.72f}},        {"sandstone", {0.80f, 0.66f, 0.47f}},
-    {"granite", {0.61f, 0.59f, 0.59f}},          {"marble", {0.93f, 0.92f, 0.89f}},
-    {"weathered bronze", {0.47f, 0.54f, 0.47f}}, {"terracotta", {0.76f, 0.48f, 0.36f}},
+    {"limestone", {0.97f, 0.93f, 0.83f}},        {"sandstone", {0.95f, 0.81f, 0.61f}},
+    {"granite", {0.79f, 0.78f, 0.79f}},          {"marble", {1.00f, 0.99f, 0.97f}},
+    {"weathered bronze", {0.63f, 0.75f, 0.65f}}, {"terracotta", {0.95f, 0.65f, 0.50f}},
 };
 #define TINT_COUNT ((uint32_t)(sizeof tints / sizeof *tints))
-static const float ground_color[3] = {0.47f, 0.49f, 0.36f};
+static const float ground_color[3] = {0.55f, 0.56f, 0.43f};
 
 // What is to be placed: the kinds in order, and where.
 typedef struct plan {

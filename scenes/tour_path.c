@@ -3,13 +3,14 @@
 #include "rng.h"
 #include <string.h>
 
-#define WAYPOINTS      10
+#define WAYPOINTS      8
 #define NODES_MAX      600000.0
 #define POINTS_MAX     2000000.0
 #define COMFORT        2.5 // ways keep this many times the clearance if they can
 #define NEAR_COST      6.0 // how much dearer a way at no distance is
 #define REPEAT_COST    2.0 // how much dearer a way is where the path has been
 #define UNREACHED      UINT32_MAX
+#define FEW_OBJECTS    3   // so many are circled, not visited one by one
 #define MINIMUM_COURSE 0.3 // shorter loops, relative to width + depth, are no tour of the scene
 
 typedef double point[2];
@@ -200,7 +201,7 @@ static uint32_t choose_waypoints(const way_grid *g, region r, const hw_tour_path
     uint32_t count = 0;
     for (int i = 0; i < WAYPOINTS; i++) {
         double angle = phase + 2 * HW_PI * (i + 0.3 * (hw_rng_float(&rng) - 0.5)) / WAYPOINTS;
-        double out = i % 2 ? 0.12 + 0.38 * hw_rng_float(&rng) : 0.74 + 0.2 * hw_rng_float(&rng);
+        double out = i % 2 ? 0.1 + 0.35 * hw_rng_float(&rng) : 0.6 + 0.24 * hw_rng_float(&rng);
         const point wanted = {r.x + out * r.width / 2 * cos(angle),
                               r.y + out * r.depth / 2 * sin(angle)};
         uint32_t node = choose_waypoint(g, wanted, 0.04 * (r.width + r.depth), o->clearance);
@@ -509,9 +510,9 @@ hw_status hw_tour_path_plan(const hw_scene *scene, const hw_clearance *clearance
         part.width /= excess;
         part.depth /= excess;
     }
-    if (scene->object_count > 1)
+    if (scene->object_count > FEW_OBJECTS)
         HW_GO(plan_course(clearance, options, part, &course, &found));
-    if (!found && scene->object_count > 1 && excess > 1)
+    if (!found && scene->object_count > FEW_OBJECTS && excess > 1)
         HW_GO(plan_course(clearance, options, all, &course, &found));
     if (!found)
         HW_GO(circle(options, all, &course));

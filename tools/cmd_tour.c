@@ -17,23 +17,33 @@ typedef struct figures {
     double seconds, length, closest;
 } figures;
 
+// The least distance to an object, looked for within a reach that grows until one is found.
+static hw_status find_closest(const hw_scene *scene, const hw_tour *tour, double *out)
+{
+    double diagonal = (double)hw_box_diagonal(hw_scene_bounds(scene));
+    double reach = fmax(0.01 * diagonal, 1);
+    do {
+        hw_clearance *clearance = NULL;
+        reach *= 2;
+        HW_TRY(hw_clearance_create(&clearance, scene, tour->frames[0].eye.z, reach));
+        *out = INFINITY;
+        for (uint32_t i = 0; i < tour->frame_count; i++) {
+            hw_vec3 eye = tour->frames[i].eye;
+            *out = fmin(*out, hw_clearance_at(clearance, eye.x, eye.y, NULL));
+        }
+        hw_clearance_destroy(clearance);
+    } while (*out >= reach);
+    return HW_OK;
+}
+
 static hw_status measure(const hw_scene *scene, const hw_tour *tour, figures *out)
 {
-    hw_clearance *clearance = NULL;
-    // Wide enough for the nearest object of nearly any frame.
-    double reach = 0.25 * (double)hw_box_diagonal(hw_scene_bounds(scene));
-    HW_TRY(hw_clearance_create(&clearance, scene, tour->frames[0].eye.z, fmax(reach, 1)));
-    *out = (figures){.closest = INFINITY};
+    *out = (figures){.seconds = tour->frames[tour->frame_count - 1].t};
     for (uint32_t i = 0; i < tour->frame_count; i++) {
-        const hw_tour_frame *a = &tour->frames[i];
-        const hw_tour_frame *b = &tour->frames[(i + 1) % tour->frame_count];
-        double gap = hw_clearance_at(clearance, a->eye.x, a->eye.y, NULL);
-        out->closest = fmin(out->closest, gap);
-        out->length += (double)hw_v3_length(hw_v3_sub(b->eye, a->eye));
+        hw_vec3 a = tour->frames[i].eye, b = tour->frames[(i + 1) % tour->frame_count].eye;
+        out->length += (double)hw_v3_length(hw_v3_sub(b, a));
     }
-    out->seconds = tour->frames[tour->frame_count - 1].t;
-    hw_clearance_destroy(clearance);
-    return HW_OK;
+    return find_closest(scene, tour, &out->closest);
 }
 
 static hw_status write_report(const hw_tour *tour, const figures *f)

@@ -567,7 +567,8 @@ static hw_status run(int argc, const char *const *argv)
         else
             status = written;
     }
-    HW_GO(status);
+    if (status != HW_OK)
+        goto out;
     double seconds = (hw_clock_ms() - start_ms) / 1000;
     printf("%llu frames in %.1f s\n", (unsigned long long)w->frame_count, seconds);
 out:

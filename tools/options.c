@@ -329,13 +329,19 @@ static bool format_value(const hw_option *o, char *out, size_t size)
     return false;
 }
 
-// Text as a sentence: a capital, one full stop. `more` is put before the stop.
-static void format_sentence(const char *text, const char *more, char *out, size_t size)
+// Text as a sentence: a capital, one full stop. `note`, if any, goes in parentheses before the
+// stop, or into those that end the text already.
+static void format_sentence(const char *text, const char *note, char *out, size_t size)
 {
     size_t length = strlen(text);
     if (length && text[length - 1] == '.')
         length--;
-    snprintf(out, size, "%.*s%s.", (int)length, text, more);
+    bool open = *note && length && text[length - 1] == ')';
+    snprintf(out, size, "%.*s%s%s%s.", (int)(length - open), text,
+             open    ? "; "
+             : *note ? " ("
+                     : "",
+             note, *note ? ")" : "");
     if (out[0] >= 'a' && out[0] <= 'z')
         out[0] = (char)(out[0] - 'a' + 'A');
 }
@@ -343,13 +349,12 @@ static void format_sentence(const char *text, const char *more, char *out, size_
 // The help sentence with choices and default: "Sentence (a|b|c; default: a)."
 static void format_help(const hw_option *o, char *out, size_t size)
 {
-    char value[256], more[600] = "";
+    char value[256], note[600];
     bool shown = format_value(o, value, sizeof value);
     bool choices = o->type == HW_OPTION_CHOICE && o->metavar;
-    if (choices || shown)
-        snprintf(more, sizeof more, " (%s%s%s%s)", choices ? o->choices : "",
-                 choices && shown ? "; " : "", shown ? "default: " : "", shown ? value : "");
-    format_sentence(o->help, more, out, size);
+    snprintf(note, sizeof note, "%s%s%s%s", choices ? o->choices : "", choices && shown ? "; " : "",
+             shown ? "default: " : "", shown ? value : "");
+    format_sentence(o->help, note, out, size);
 }
 
 static const char *command_text(const hw_command *command)

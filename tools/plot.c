@@ -65,7 +65,7 @@ static void put_axes(hw_bytes_writer *w, const hw_plot *plot)
     put(w, "set terminal svg size %d,%d dynamic font 'sans-serif,14' noenhanced\n", WIDTH, HEIGHT);
     put(w, "set border 3 lw 0.7\nset tics nomirror scale 0.6\nset mytics 1\n");
     put(w, "set grid ytics lt 1 lc rgb '#000100' lw 0.7\n");
-    put(w, "set key above horizontal right samplen 1.6\n");
+    put(w, "set key above horizontal right Left reverse samplen 1.6\n");
     put(w, "set xlabel '%s'\nset ylabel '%s' offset 0.5,0\n", plot->x_label, plot->y_label);
     put(w, "set format y '%%.0s %%c'\nset xrange [%.9g:%.9g]\n", first - room, last + room);
     if (plot->log_y)

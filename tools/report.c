@@ -153,10 +153,11 @@ double hw_report_ratio(const hw_report *report, hw_config config)
 
 // ---- report.json
 
-// Seven significant digits: what is measured has no more, and a reader wants no noise.
+// Seven significant digits of what is no whole number: more is not measured, and a reader wants no
+// noise.
 static void add_number(cJSON *object, const char *key, double value)
 {
-    if (isfinite(value) && value != 0) {
+    if (isfinite(value) && value != floor(value)) {
         double scale = pow(10, 6 - floor(log10(fabs(value))));
         double rounded = round(value * scale) / scale;
         value = isfinite(rounded) ? rounded : value;

@@ -127,8 +127,8 @@ static void put_facts(hw_bytes_writer *w, const hw_report *r)
              hw_figure_bytes(b, (double)r->texture_bytes));
     put_fact(w, "Built in", "%s%s%s", hw_figure_seconds(c, r->build_seconds),
              *r->policy ? ", policy " : "", r->policy);
-    put_fact(w, "Frames", "%u of %u of the tour, %u x %u pixels", r->frame_count, r->tour_frames,
-             r->width, r->height);
+    put_fact(w, "Frames", "%u of %u of the tour, %u \u00d7 %u pixels", r->frame_count,
+             r->tour_frames, r->width, r->height);
     put_fact(w, "Cell crossings on the tour", "%u", r->crossing_count);
     put_fact(w, "Samples a pixel", "%u; reference %u", r->samples, r->reference_samples);
     put_fact(w, "OpenGL", "%s", r->gl_renderer);
@@ -162,7 +162,7 @@ static void put_heads(hw_bytes_writer *w, const hw_report *r)
     for (int i = 0; i < 3; i++)
         if (!isnan(hw_report_ratio(r, others[i])))
             put_head(w, hw_report_ratio(r, others[i]), "\u202f\u00d7",
-                     "the time of C is what %s (%s) needs", hw_config_name(others[i]),
+                     "frame time of %s (%s) over C", hw_config_name(others[i]),
                      config_title(others[i]));
     const hw_report_config *b = hw_report_find(r, HW_CONFIG_B);
     const hw_summary *t = b ? &b->summaries[HW_METRIC_PSNR_REFERENCE] : NULL;
@@ -236,7 +236,8 @@ static void put_row(hw_bytes_writer *w, const hw_report *r, const table_row *row
     char a[HW_FIGURE_CAPACITY];
     if (row->starts_group)
         put(w, "</tbody><tbody class=\"group\">\n");
-    put(w, "<tr><th scope=\"row\">%s</th>", row->label);
+    put(w, "<tr><th scope=\"row\"%s>%s</th>", row->part == PART_MEAN ? "" : " class=\"sub\"",
+        row->label);
     for (uint32_t i = 0; i < r->config_count; i++) {
         const hw_report_config *c = &r->configs[i];
         put_cell(w, c, show(a, part_of(&c->summaries[row->metric], row->part), row->style));
@@ -274,8 +275,8 @@ static void put_table(hw_bytes_writer *w, const hw_report *r)
         {"PSNR against one sample, mean <span class=\"unit\">dB</span>", HW_METRIC_PSNR_1SPP,
          PART_MEAN, STYLE_DB, false},
         {"least", HW_METRIC_PSNR_1SPP, PART_MIN, STYLE_DB, false},
-        {"the same on objects only, mean <span class=\"unit\">dB</span>", HW_METRIC_PSNR_OBJECTS,
-         PART_MEAN, STYLE_DB, false},
+        {"On objects only, mean <span class=\"unit\">dB</span>", HW_METRIC_PSNR_OBJECTS, PART_MEAN,
+         STYLE_DB, false},
         {"least", HW_METRIC_PSNR_OBJECTS, PART_MIN, STYLE_DB, false},
         {"SSIM against the reference, mean", HW_METRIC_SSIM_REFERENCE, PART_MEAN, STYLE_SSIM, true},
         {"least", HW_METRIC_SSIM_REFERENCE, PART_MIN, STYLE_SSIM, false},
@@ -513,7 +514,7 @@ static void put_method(hw_bytes_writer *w, const hw_report *r)
     put(w,
         "<li>Hole pixels are covered by an object in ground truth and left to sky or ground by the "
         "hybrid. Pop is the RMS luma change of C between the two tour frames around a cell "
-        "crossing, less that of B; below zero, C changes less than B.</li>\n"
+        "crossing, less that of B with the same samples; below zero, C changes less than B.</li>\n"
         "<li>Process memory is that of a separate process that draws the same frames in this "
         "configuration alone.</li>\n");
     for (uint32_t i = 0; i < r->note_count; i++) {

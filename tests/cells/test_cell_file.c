@@ -7,7 +7,7 @@
 #include <cmocka.h>
 // clang-format on
 #include "cell_chunks.h"
-#include "fixtures.h"
+#include "checks.h"
 
 #define PATH "cell.hxc"
 
@@ -92,6 +92,35 @@ static void test_round_trip(void **state)
         hw_cell_free(&from_memory);
     }
     hw_cell_free(NULL);
+}
+
+// Low bits that are zero in all vertices of a record are not stored, and come back.
+static void test_rounded_vertices(void **state)
+{
+    (void)state;
+    size_t sizes[2];
+    for (int rounded = 0; rounded < 2; rounded++) {
+        hw_cell cell, back;
+        hw_rng rng = hw_rng_make(4, 4);
+        fixture_cell(&cell, 1, 30, 16);
+        for (uint32_t i = 0; i < cell.vertex_count; i++) {
+            hw_far_vertex *v = &cell.vertices[i];
+            v->x = (uint16_t)hw_rng_u32(&rng);
+            v->y = (uint16_t)hw_rng_u32(&rng);
+            v->z = (uint16_t)hw_rng_u32(&rng);
+            // Another precision in each record; all zeros in one of them.
+            v->x &= (uint16_t)(rounded ? 0xffffu << (5 + v->record % 7) : 0xffffu);
+            v->y &= (uint16_t)(rounded ? 0xffffu << (3 + v->record % 7) : 0xffffu);
+            v->z &= (uint16_t)(rounded ? v->record == 9 ? 0 : 0xfff0u : 0xffffu);
+        }
+        must(hw_cell_write(&cell, PATH));
+        must(hw_cell_read(PATH, &back));
+        assert_same_cell(&cell, &back);
+        hw_free(read_bytes(PATH, &sizes[rounded]));
+        hw_cell_free(&cell);
+        hw_cell_free(&back);
+    }
+    assert_true(sizes[1] < sizes[0] * 7 / 8);
 }
 
 // The same bytes every time, also from a cell that was read back: rotating triangles once settles
@@ -456,11 +485,17 @@ static void test_record_matrix(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_round_trip),       cmocka_unit_test(test_same_bytes),
-        cmocka_unit_test(test_damage),           cmocka_unit_test(test_torture),
-        cmocka_unit_test(test_is_current),       cmocka_unit_test(test_path),
-        cmocka_unit_test(test_validation),       cmocka_unit_test(test_hostile_words),
-        cmocka_unit_test(test_truncated_chunks), cmocka_unit_test(test_version_and_kind),
+        cmocka_unit_test(test_round_trip),
+        cmocka_unit_test(test_same_bytes),
+        cmocka_unit_test(test_rounded_vertices),
+        cmocka_unit_test(test_damage),
+        cmocka_unit_test(test_torture),
+        cmocka_unit_test(test_is_current),
+        cmocka_unit_test(test_path),
+        cmocka_unit_test(test_validation),
+        cmocka_unit_test(test_hostile_words),
+        cmocka_unit_test(test_truncated_chunks),
+        cmocka_unit_test(test_version_and_kind),
         cmocka_unit_test(test_record_matrix),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -6,8 +6,8 @@
 #include <stdio.h>
 #include <cmocka.h>
 // clang-format on
+#include "checks.h"
 #include "container.h"
-#include "fixtures.h"
 #include "hash.h"
 
 #define KIND HW_FOURCC('T', 'E', 'S', 'T')

@@ -6,8 +6,9 @@
 #include <stdio.h>
 #include <cmocka.h>
 // clang-format on
-#include "fixtures.h"
+#include "checks.h"
 #include "mesh_level.h"
+#include "parallel.h"
 
 #define PATH "mesh.hxm"
 
@@ -109,6 +110,32 @@ static void test_round_trip(void **state)
         free_levels(levels);
     }
     hw_mesh_file_close(NULL);
+}
+
+static hw_status read_level(void *context, uint64_t index, uint32_t thread)
+{
+    (void)thread;
+    const hw_mesh_file *file = context;
+    hw_mesh mesh, expected;
+    uint32_t level = (uint32_t)(index % FIXTURE_LEVELS);
+    HW_TRY(hw_mesh_file_read(file, level, &mesh));
+    fixture_mesh(&expected, 20 - level, level < 2);
+    bool same =
+        mesh.vertex_count == expected.vertex_count &&
+        !memcmp(mesh.positions, expected.positions, mesh.vertex_count * sizeof *mesh.positions);
+    hw_mesh_free(&mesh);
+    hw_mesh_free(&expected);
+    return same ? HW_OK : HW_INTERNAL;
+}
+
+static void test_many_threads_read_one_file(void **state)
+{
+    (void)state;
+    hw_mesh_file *file = NULL;
+    write_sample(PATH, 20);
+    must(hw_mesh_file_open(&file, PATH));
+    assert_int_equal(hw_parallel_for(60, 4, read_level, file, NULL), HW_OK);
+    hw_mesh_file_close(file);
 }
 
 static void test_same_bytes(void **state)
@@ -294,10 +321,15 @@ static void test_wrong_files(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_round_trip),    cmocka_unit_test(test_same_bytes),
-        cmocka_unit_test(test_damage),        cmocka_unit_test(test_torture),
-        cmocka_unit_test(test_octahedral),    cmocka_unit_test(test_bad_levels),
-        cmocka_unit_test(test_hostile_level), cmocka_unit_test(test_bad_tables),
+        cmocka_unit_test(test_round_trip),
+        cmocka_unit_test(test_same_bytes),
+        cmocka_unit_test(test_many_threads_read_one_file),
+        cmocka_unit_test(test_damage),
+        cmocka_unit_test(test_torture),
+        cmocka_unit_test(test_octahedral),
+        cmocka_unit_test(test_bad_levels),
+        cmocka_unit_test(test_hostile_level),
+        cmocka_unit_test(test_bad_tables),
         cmocka_unit_test(test_wrong_files),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

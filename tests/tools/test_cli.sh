@@ -7,48 +7,64 @@ hexwalk=$(realpath "$1")
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 cd "$work" || exit 1
-checks=0 failures=0
+mkdir checks
+checks=0
 
+# Every check runs in the background with files of its own; what it finds wrong it writes into
+# checks/<number>.failed. Loading the program's libraries takes most of the time.
+start() {
+    while [[ $(jobs -rp | wc -l) -ge $(nproc) ]]; do
+        wait -n
+    done
+    checks=$((checks + 1))
+    "$@" "checks/$checks" &
+}
+
+# fail BASE MESSAGE
 fail() {
-    printf 'FAILED: %s\n' "$1"
-    sed 's/^/    out: /' out
-    sed 's/^/    err: /' err
-    failures=$((failures + 1))
+    {
+        printf 'FAILED: %s\n' "$2"
+        sed 's/^/    out: /' "$1.out"
+        sed 's/^/    err: /' "$1.err"
+    } >>"$1.failed" 2>/dev/null
 }
 
 # expect CODE PATTERN ARGUMENT... - runs hexwalk. With code 0 PATTERN must be found in what it
 # prints; otherwise in its error, the last line on standard error (the only one with --quiet, and
 # where the usage was wrong), and nothing may have been printed.
 expect() {
-    local code=$1 pattern=$2 got
-    shift 2
-    checks=$((checks + 1))
-    "$hexwalk" "$@" >out 2>err </dev/null
+    start check_run "$@"
+}
+
+check_run() {
+    local code=$1 pattern=$2 base=${*: -1} got
+    set -- "${@:3:$#-3}"
+    "$hexwalk" "$@" >"$base.out" 2>"$base.err" </dev/null
     got=$?
-    [[ $got -eq $code ]] || { fail "hexwalk $* exited with $got, not $code"; return; }
+    [[ $got -eq $code ]] || { fail "$base" "hexwalk $* exited with $got, not $code"; return; }
     if [[ $code -eq 0 ]]; then
-        grep -qE -- "$pattern" out || fail "hexwalk $* printed no '$pattern'"
+        grep -qE -- "$pattern" "$base.out" || fail "$base" "hexwalk $* printed no '$pattern'"
         return
     fi
-    if [[ $code -eq 2 || " $* " == *' --quiet '* ]] && [[ $(grep -c '' err) -ne 1 ]]; then
-        fail "hexwalk $* wrote more or less than one line of errors"
+    if [[ $code -eq 2 || " $* " == *' --quiet '* ]] && [[ $(grep -c '' "$base.err") -ne 1 ]]; then
+        fail "$base" "hexwalk $* wrote more or less than one line of errors"
     fi
-    [[ ! -s out ]] || fail "hexwalk $* failed and yet printed something"
-    tail -n 1 err | grep -qE '^hexwalk: ' || fail "hexwalk $*: the error does not begin with the program's name"
-    tail -n 1 err | grep -qE -- "$pattern" || fail "hexwalk $*: the error does not hold '$pattern'"
-    [[ $code -ne 2 ]] || grep -qF "try 'hexwalk help" err || fail "hexwalk $*: no hint at the help"
+    [[ ! -s $base.out ]] || fail "$base" "hexwalk $* failed and yet printed something"
+    tail -n 1 "$base.err" | grep -qE '^hexwalk: ' ||
+        fail "$base" "hexwalk $*: the error does not begin with the program's name"
+    tail -n 1 "$base.err" | grep -qE -- "$pattern" ||
+        fail "$base" "hexwalk $*: the error does not hold '$pattern'"
+    [[ $code -ne 2 ]] || grep -qF "try 'hexwalk help" "$base.err" ||
+        fail "$base" "hexwalk $*: no hint at the help"
 }
 
 # unchanged FILE TEXT - whether an earlier result is still there.
 unchanged() {
-    checks=$((checks + 1))
-    [[ $(cat "$1") == "$2" ]] || fail "$1 was changed"
+    [[ $(cat "$1") == "$2" ]] || fail checks/0 "$1 was changed"
 }
 
-# no_leftovers FOLDER - whether no temporary file is left in it.
 no_leftovers() {
-    checks=$((checks + 1))
-    [[ -z $(find "$1" -name '*.tmp') ]] || fail "temporary files are left: $(find "$1" -name '*.tmp')"
+    [[ -z $(find . -name '*.tmp') ]] || fail checks/0 "temporary files are left: $(find . -name '*.tmp')"
 }
 
 make_inputs() {
@@ -122,18 +138,16 @@ EOF
 
 commands=(park build tour walk render measure info)
 
+# The forms of wrong options are tested with the parser (test_options.c); here, that they arrive.
 check_usage() {
     local command
     expect 2 'no command'
     expect 2 "unknown command 'bulid'" bulid
     expect 2 "unknown command ''" ''
-    expect 2 "unknown command '--frobnicate'" --frobnicate
     expect 2 "unknown command 'nothing'" help nothing
     expect 2 'one argument too many' help build walk
     for command in "${commands[@]}"; do
         expect 2 "unknown option '--frobnicate'.*help $command'" "$command" --frobnicate
-        expect 2 "unknown option '-Z'.*help $command'" "$command" -Z
-        expect 2 "--quiet takes no value.*help $command'" "$command" --quiet=yes
         expect 2 "help $command'" "$command" a b c d e f
     done
     for command in build tour walk render measure info; do
@@ -141,14 +155,11 @@ check_usage() {
     done
     expect 2 "did you mean '--cell-size'" build tetra.off -o data --cell-sise 4
     expect 2 '--cell-size needs a value' build tetra.off -o data --cell-size
-    expect 2 "--cell-size: '5x' is not" build tetra.off -o data --cell-size 5x
-    expect 2 '--cell-size: -5 is not within' build tetra.off -o data --cell-size=-5
     expect 2 "--cell-size: 'nan' is not" build tetra.off -o data --cell-size nan
+    expect 2 '--cell-size: -5 is not within' build tetra.off -o data --cell-size=-5
     expect 2 "--threads: '-1' is not" build tetra.off -o data --threads -1
-    expect 2 "--threads: '' is not" build tetra.off -o data --threads=
     expect 2 'screen\|thesis' build tetra.off -o data --policy best
-    expect 2 "is not a size" render data --tour one.json -o pictures --size 640
-    expect 2 '--tour needs a value' render data --tour
+    expect 2 'is not a size' render data --tour one.json -o pictures --size 640
     expect 2 'help build' build tetra.off
     expect 2 'help tour' tour tetra.off
     expect 2 'help render' render data --tour one.json
@@ -161,67 +172,61 @@ check_help() {
     local command
     for command in "${commands[@]}"; do
         expect 0 "^Usage: hexwalk $command" help "$command"
-        expect 0 "^Usage: hexwalk $command" "$command" --help
-        expect 0 "^  -q, --quiet" "$command" -h
     done
+    expect 0 '^  -q, --quiet' build --help
     expect 0 '^Usage: hexwalk COMMAND' help
     expect 0 '^Usage: hexwalk COMMAND' --help
     expect 0 '^hexwalk [0-9]+\.[0-9]+\.[0-9]+$' --version
-    expect 0 '^\.TH HEXWALK 1 ' man
-    for command in "${commands[@]}"; do
-        expect 0 "^\.SS hexwalk $command " man
-    done
-    if command -v man >/dev/null; then
-        checks=$((checks + 1))
-        "$hexwalk" man >hexwalk.1
-        LC_ALL=C MANROFFSEQ='' man --warnings -l hexwalk.1 >out 2>err || fail 'man cannot show the page'
-        [[ ! -s err ]] || fail 'the man page has flaws'
-    fi
-    # Options are read in the same way from either side of the arguments.
-    expect 0 '^triangles +4$' info --quiet tetra.off
-    expect 0 '^triangles +4$' info -q -- tetra.off
+    start check_man_page
+    start check_broken_pipe
 }
 
-check_bad_scenes() {
-    local command file
-    for command in build tour; do
-        for file in absent.glb empty.ply cut.ply short.ply letter.txt letter.ply letter.glb picture.png \
-            nan.ply inf.obj range.ply range.off nothing.ply flat.obj bare; do
-            expect 1 "$file" "$command" "$file" -o result
-            expect 1 "$file" "$command" --quiet "$file" -o result
-        done
+check_man_page() {
+    local command
+    "$hexwalk" man >hexwalk.1
+    for command in "${commands[@]}"; do
+        grep -q "^\.SS hexwalk $command " hexwalk.1 || fail "$1" "the man page lacks $command"
     done
-    for file in absent.glb absent.hxc absent.json empty.ply empty.hxc empty.hxm empty.json cut.ply short.ply \
-        cut.hxc letter.txt letter.ply letter.glb letter.hxc letter.hxm letter.json picture.png nan.ply inf.obj \
-        range.ply range.off nothing.ply flat.obj none.json bare folder; do
+    command -v man >/dev/null || return
+    LC_ALL=C MANROFFSEQ='' man --warnings -l hexwalk.1 >"$1.out" 2>"$1.err" ||
+        fail "$1" 'man cannot show the page'
+    [[ ! -s $1.err ]] || fail "$1" 'the man page has flaws'
+}
+
+# A reader that goes away is no reason for noise, nor for a signal.
+check_broken_pipe() {
+    { "$hexwalk" man 2>"$1.err"; echo $? >code; } | head -c 1 >/dev/null
+    [[ $(cat code) -le 1 && ! -s $1.err ]] || fail "$1" "hexwalk man | head: exit code $(cat code)"
+}
+
+check_scenes() {
+    local file
+    for file in absent.glb empty.ply cut.ply short.ply letter.txt letter.glb picture.png nan.ply \
+        inf.obj range.ply range.off nothing.ply flat.obj bare; do
+        expect 1 "$file" build --quiet "$file" -o result
+    done
+    for file in absent.hxc empty.ply empty.hxc empty.hxm empty.json cut.hxc letter.txt letter.ply letter.hxc \
+        letter.hxm letter.json range.ply none.json bare folder; do
         expect 1 "$file" info "$file"
     done
-    expect 1 'No such file' info absent.glb
-    expect 1 'empty' info empty.ply
-    expect 1 'manifest' info bare
-    expect 1 'version' info folder
-}
-
-check_bad_datasets() {
-    local data
-    for data in absent bare folder letter.txt; do
-        expect 1 "$data" render "$data" --tour one.json -o pictures
-        expect 1 "$data" measure "$data" --tour one.json --configs C -o report
-    done
-    checks=$((checks + 1))
-    [[ ! -e report/report.json ]] || fail 'a failed measurement wrote a report'
-}
-
-check_good_scenes() {
+    expect 1 'absent.glb.*No such file' tour absent.glb -o result.json
+    expect 1 'range.off' tour range.off -o result.json
     expect 0 '^triangles +4$' info tetra.off
-    expect 0 '^triangles +4$' info tetra.ply
+    expect 0 '^triangles +4$' info -q -- tetra.ply
     expect 0 '^objects +1$' info tetra.obj --json info.json
-    checks=$((checks + 1))
-    grep -q '"triangles":[[:space:]]*4' info.json || fail 'info.json lacks the triangles'
     expect 0 '^frames +1$' info one.json
 }
 
-check_bad_outputs() {
+check_datasets() {
+    local data
+    for data in absent bare folder; do
+        expect 1 "$data" render "$data" --tour one.json -o pictures
+        expect 1 "$data" measure "$data" --tour one.json --configs C -o report
+    done
+    expect 1 'letter.txt' render letter.txt --config B --tour one.json -o pictures
+}
+
+check_outputs() {
     echo kept >kept
     expect 1 'kept/info.json' info tetra.off --json kept/info.json
     expect 1 'absent/info.json' info tetra.off --json absent/info.json
@@ -230,39 +235,36 @@ check_bad_outputs() {
     expect 1 '/dev/full.*No space left' tour tetra.off -o /dev/full
     expect 1 'kept: is a file' build tetra.off -o kept/data
     expect 1 'kept' build tetra.off -o kept
-    unchanged kept kept
-    no_leftovers .
-    # A full disk behind a redirection is a failure too.
-    checks=$((checks + 1))
-    : >out
-    "$hexwalk" help >/dev/full 2>err
-    [[ $? -eq 1 ]] && grep -q 'No space left' err || fail 'hexwalk help >/dev/full did not fail'
-    # A reader that goes away is no reason for noise, nor for a signal.
-    checks=$((checks + 1))
-    { "$hexwalk" man 2>err; echo $? >code; } | head -c 1 >/dev/null
-    [[ $(cat code) -le 1 && ! -s err ]] || fail "hexwalk man | head: exit code $(cat code)"
+    start check_full_stdout
+    start check_full_disk
+}
+
+# A full disk behind a redirection is a failure too.
+check_full_stdout() {
+    "$hexwalk" help >/dev/full 2>"$1.err"
+    [[ $? -eq 1 ]] && grep -q 'No space left' "$1.err" || fail "$1" 'hexwalk help >/dev/full'
 }
 
 # A file size limit acts like a disk that fills up: the earlier result stays.
 check_full_disk() {
-    expect 0 '' tour tetra.off -o tour.json --quiet
-    cp tour.json before.json
-    checks=$((checks + 1))
-    (ulimit -f 1 && "$hexwalk" tour tetra.off -o tour.json --quiet >out 2>err)
-    [[ $? -eq 1 ]] && grep -q 'tour.json.*File too large' err || fail 'tour on a full disk'
-    unchanged tour.json "$(cat before.json)"
-    no_leftovers .
+    echo earlier >tour.json
+    (ulimit -f 1 && "$hexwalk" tour tetra.off -o tour.json --quiet >"$1.out" 2>"$1.err")
+    [[ $? -eq 1 ]] && grep -q 'tour.json.*File too large' "$1.err" || fail "$1" 'tour on a full disk'
 }
 
 make_inputs
-: >out
-: >err
 check_usage
 check_help
-check_bad_scenes
-check_bad_datasets
-check_good_scenes
-check_bad_outputs
-check_full_disk
-printf '%d checks, %d failures\n' "$checks" "$failures"
-[[ $failures -eq 0 ]]
+check_scenes
+check_datasets
+check_outputs
+wait
+unchanged kept kept
+unchanged tour.json earlier
+no_leftovers
+grep -q '"triangles":[[:space:]]*4' info.json || fail checks/0 'info.json lacks the triangles'
+[[ ! -e report/report.json ]] || fail checks/0 'a failed measurement wrote a report'
+failed=$(find checks -name '*.failed' | wc -l)
+[[ $failed -eq 0 ]] || cat checks/*.failed
+printf '%d checks, %d failed\n' "$checks" "$failed"
+[[ $failed -eq 0 ]]

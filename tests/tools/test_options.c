@@ -38,7 +38,7 @@ static uint32_t options(hw_option *out, uint32_t capacity)
         {"output", 'o', HW_OPTION_STRING, &output, "FILE", NULL, 0, 0, "File to write."},
         {"count", 'n', HW_OPTION_UINT, &count, "N", NULL, 1, 100, "how many"},
         {"ratio", 0, HW_OPTION_DOUBLE, &ratio, "R", NULL, -1, 1, "a share"},
-        {"free", 0, HW_OPTION_DOUBLE, &ratio, "R", NULL, 0, 0, "without bounds"},
+        {"free", 0, HW_OPTION_DOUBLE, &ratio, "R", NULL, 0, 0, "without bounds (free)"},
         {"size", 0, HW_OPTION_SIZE, size, "WxH", NULL, 16, 4096, "pixels"},
         {"config", 0, HW_OPTION_CHOICE, &config, NULL, "A|B|LL|C", 0, 0, "what to draw"},
     };
@@ -231,6 +231,7 @@ static void help_comes_from_the_table(void **state)
     assert_non_null(strstr(text, "      --config A|B|LL|C "));
     assert_non_null(strstr(text, "How many (default: 4).\n"));
     assert_non_null(strstr(text, "File to write.\n"));
+    assert_non_null(strstr(text, "Without bounds (free; default: 0.25).\n"));
     assert_non_null(strstr(text, "Pixels (default: 1024x768).\n"));
     assert_non_null(strstr(text, "What to draw (default: C).\n"));
     assert_non_null(strstr(text, "  -q, --quiet "));

@@ -1,0 +1,290 @@
+// The build on a small made-up scene: what it writes, that threads and interruptions do not change a byte, and what bad input does.
+#include "alloc.h"
+#include "build.h"
+#include "build_cell.h"
+#include "cell_file.h"
+#include "export.h"
+#include "file.h"
+#include "import.h"
+#include "log.h"
+#include "manifest.h"
+#include "mesh_file.h"
+#include "shapes.h"
+#include <dirent.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#define SCENE "build_scene.glb"
+
+// Spheres of radius 6: one in the middle, one far to the east, one far to the north.
+static int make_scene(void **state)
+{
+    (void)state;
+    hw_log_set_quiet(true);
+    hw_mesh meshes[3];
+    hw_mat4 transforms[3] = {hw_mat4_translation(0, 0, 6), hw_mat4_translation(400, 10, 6), hw_mat4_translation(0, 420, 6)};
+    for (int i = 0; i < 3; i++)
+        meshes[i] = shape_sphere(hw_v3(0, 0, 0), 6, 48 + 4 * (uint32_t)i, 32);
+    hw_scene scene = shape_scene(meshes, transforms, 3);
+    hw_status status = hw_scene_export_glb(&scene, SCENE);
+    hw_scene_free(&scene);
+    return status == HW_OK ? 0 : -1;
+}
+
+static hw_build_options options_for(const char *dataset)
+{
+    hw_build_options o = hw_build_defaults();
+    o.scene_path = SCENE;
+    o.dataset = dataset;
+    o.cell_size = 120;
+    o.z_min = 2;
+    o.z_max = 10;
+    o.threads = 2;
+    return o;
+}
+
+static void remove_tree(const char *path)
+{
+    char command[512];
+    snprintf(command, sizeof command, "rm -rf '%s'", path);
+    assert_int_equal(system(command), 0);
+}
+
+static void build(const hw_build_options *o, hw_build_report *report)
+{
+    hw_status status = hw_build_run(o, report);
+    if (status != HW_OK)
+        print_error("%s\n", hw_error_text());
+    assert_int_equal(status, HW_OK);
+}
+
+// Every file of both folders has the same bytes; build.json, which tells the time it took, is left out.
+static void assert_same_datasets(const char *a, const char *b)
+{
+    char command[512];
+    snprintf(command, sizeof command, "diff -rq --exclude=build.json '%s' '%s'", a, b);
+    assert_int_equal(system(command), 0);
+}
+
+static void objects_are_near_or_far_as_they_should(void **state)
+{
+    (void)state;
+    remove_tree("build_a");
+    hw_build_options o = options_for("build_a");
+    hw_build_report report;
+    build(&o, &report);
+    assert_int_equal(report.cells_made, report.cells_total);
+    hw_manifest manifest;
+    assert_int_equal(hw_manifest_read("build_a", &manifest), HW_OK);
+    assert_int_equal(manifest.object_count, 3);
+    assert_int_equal(manifest.cell_count, report.cells_total);
+    uint32_t far_seen = 0;
+    for (uint32_t i = 0; i < manifest.cell_count; i++) {
+        hw_cell cell;
+        char *path;
+        assert_int_equal(hw_cell_path(&path, "build_a", manifest.cells[i].id), HW_OK);
+        assert_int_equal(hw_cell_read(path, &cell), HW_OK);
+        hw_free(path);
+        // Every object is in exactly one of the two lists; one that meets the cell is near and whole.
+        for (uint32_t k = 0; k < 3; k++) {
+            uint32_t found = 0;
+            bool meets = hw_cell_meets_box(&manifest.grid, cell.id, manifest.objects[k].bounds);
+            for (uint32_t n = 0; n < cell.near_count; n++) {
+                found += cell.near[n].object_idx == k;
+                assert_true(cell.near[n].object_idx != k || !meets || cell.near[n].level == 0);
+            }
+            for (uint32_t n = 0; n < cell.far_count; n++) {
+                found += cell.far[n].object_idx == k;
+                assert_false(cell.far[n].object_idx == k && meets);
+            }
+            assert_int_equal(found, 1);
+        }
+        far_seen += cell.far_count;
+        hw_cell_free(&cell);
+    }
+    assert_true(far_seen > manifest.cell_count); // on average more than one of the three is far
+    hw_manifest_free(&manifest);
+}
+
+// Vertices of every stand-in lie on the sphere it stands for, within the pixel bounds of the policy seen from the cell.
+static void far_meshes_lie_on_their_objects(void **state)
+{
+    (void)state;
+    hw_manifest manifest;
+    assert_int_equal(hw_manifest_read("build_a", &manifest), HW_OK);
+    uint32_t checked = 0;
+    for (uint32_t i = 0; i < manifest.cell_count; i++) {
+        hw_cell cell;
+        char *path;
+        assert_int_equal(hw_cell_path(&path, "build_a", manifest.cells[i].id), HW_OK);
+        assert_int_equal(hw_cell_read(path, &cell), HW_OK);
+        hw_free(path);
+        for (uint32_t v = 0; v < cell.vertex_count; v++) {
+            const hw_far_vertex *p = &cell.vertices[v];
+            const hw_far_record *record = &cell.far[p->record];
+            hw_mat4 m = hw_far_record_matrix(record, cell.centre);
+            double h[4];
+            for (int r = 0; r < 4; r++)
+                h[r] = m.m[r] * p->x + m.m[4 + r] * p->y + m.m[8 + r] * p->z + m.m[12 + r];
+            hw_vec3 world = hw_v3((float)(h[0] / h[3]), (float)(h[1] / h[3]), (float)(h[2] / h[3]));
+            hw_vec3 centre = hw_box_centre(manifest.objects[record->object_idx].bounds);
+            // Interiors may be off by 2 px of parallax, focal * cell size * (1 / near - 1 / far), and a little more where patches meet.
+            double off = fabs((double)hw_v3_length(hw_v3_sub(world, centre)) - 6);
+            double depth = hw_v3_length(hw_v3_sub(centre, cell.centre));
+            double parallax_px = 886.8 * manifest.grid.cell_size * off / (depth * depth);
+            assert_true(parallax_px < 3);
+            checked++;
+        }
+        hw_cell_free(&cell);
+    }
+    assert_true(checked > 1000);
+    hw_manifest_free(&manifest);
+}
+
+static void threads_and_shards_change_no_byte(void **state)
+{
+    (void)state;
+    remove_tree("build_b");
+    hw_build_report report;
+    hw_build_options o = options_for("build_b");
+    o.threads = 1;
+    o.shard_count = 2;
+    build(&o, &report);
+    assert_true(report.cells_missing > 0);
+    hw_manifest manifest;
+    assert_int_equal(hw_manifest_read("build_b", &manifest), HW_NOT_FOUND); // not finished
+    o.shard_index = 1;
+    build(&o, &report);
+    assert_int_equal(report.cells_missing, 0);
+    assert_same_datasets("build_a", "build_b");
+}
+
+static void unfinished_build_goes_on(void **state)
+{
+    (void)state;
+    // As a kill leaves it: no manifest, some cells gone, one half written under its own name, a temporary file.
+    remove_tree("build_c");
+    assert_int_equal(system("cp -r build_a build_c && rm build_c/manifest.json"), 0);
+    DIR *dir = opendir("build_c/cells/0");
+    uint32_t n = 0, removed = 0;
+    for (struct dirent *entry; (entry = readdir(dir));) {
+        char path[600];
+        snprintf(path, sizeof path, "build_c/cells/0/%s", entry->d_name);
+        if (entry->d_name[0] == '.')
+            continue;
+        if (n % 3 == 0)
+            assert_int_equal(remove(path), 0);
+        else if (n % 3 == 1)
+            assert_int_equal(truncate(path, 100), 0);
+        removed += n++ % 3 < 2;
+    }
+    closedir(dir);
+    assert_int_equal(system("touch build_c/cells/0/0_0.hxc.12.tmp"), 0);
+    hw_build_options o = options_for("build_c");
+    hw_build_report report;
+    build(&o, &report);
+    assert_int_equal(report.cells_made, removed);
+    assert_int_equal(report.cells_kept, report.cells_total - removed);
+    assert_same_datasets("build_a", "build_c");
+}
+
+static void other_options_make_everything_anew(void **state)
+{
+    (void)state;
+    hw_build_options o = options_for("build_c");
+    hw_build_report report;
+    o.far.interior_px = 1;
+    build(&o, &report);
+    assert_int_equal(report.cells_kept, 0);
+    assert_int_equal(report.cells_made, report.cells_total);
+}
+
+static void thesis_policy_builds(void **state)
+{
+    (void)state;
+    remove_tree("build_d");
+    hw_build_options o = options_for("build_d");
+    hw_build_report report;
+    o.far.policy = hw_policy_find("thesis");
+    assert_non_null(o.far.policy);
+    build(&o, &report);
+    assert_true(report.far_triangles_mean > 10);
+    assert_null(hw_policy_find("none"));
+}
+
+static void stop_is_heeded(void **state)
+{
+    (void)state;
+    remove_tree("build_e");
+    atomic_bool stop = true;
+    hw_build_options o = options_for("build_e");
+    hw_build_report report;
+    o.stop = &stop;
+    assert_int_equal(hw_build_run(&o, &report), HW_INTERRUPTED);
+    assert_false(hw_path_exists("build_e/manifest.json"));
+}
+
+static void bad_input_is_named(void **state)
+{
+    (void)state;
+    hw_build_options o = options_for("build_f");
+    hw_build_report report;
+    o.scene_path = "no_such_scene.glb";
+    assert_int_equal(hw_build_run(&o, &report), HW_NOT_FOUND);
+    assert_non_null(strstr(hw_error_text(), "no_such_scene.glb"));
+    assert_false(hw_path_exists("build_f"));
+    o = options_for(SCENE); // a file where the folder should be
+    assert_int_equal(hw_build_run(&o, &report), HW_IO);
+    assert_non_null(strstr(hw_error_text(), SCENE));
+}
+
+// One file operation fails, as on a full disk: either nothing was lost by it, or there is an error that names the file and no manifest; and
+// the next run ends with the right bytes.
+static void failing_writes_lose_nothing(void **state)
+{
+    (void)state;
+    static const uint64_t failing[] = {2, 5, 13, 34, 55, 89, 144};
+    uint32_t failures = 0;
+    hw_build_options o = options_for("build_g");
+    o.threads = 1;
+    for (size_t i = 0; i < sizeof failing / sizeof *failing; i++) {
+        hw_build_report report;
+        remove_tree("build_g");
+        hw_file_fail_after(failing[i]);
+        hw_status status = hw_build_run(&o, &report);
+        hw_file_fail_after(0);
+        if (status != HW_OK) {
+            assert_non_null(strstr(hw_error_text(), "build_"));
+            assert_false(hw_path_exists("build_g/manifest.json"));
+            failures++;
+        }
+        build(&o, &report);
+        assert_same_datasets("build_a", "build_g");
+    }
+    assert_true(failures >= 3);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(objects_are_near_or_far_as_they_should),
+        cmocka_unit_test(far_meshes_lie_on_their_objects),
+        cmocka_unit_test(threads_and_shards_change_no_byte),
+        cmocka_unit_test(unfinished_build_goes_on),
+        cmocka_unit_test(other_options_make_everything_anew),
+        cmocka_unit_test(thesis_policy_builds),
+        cmocka_unit_test(stop_is_heeded),
+        cmocka_unit_test(bad_input_is_named),
+        cmocka_unit_test(failing_writes_lose_nothing),
+    };
+    return cmocka_run_group_tests(tests, make_scene, NULL);
+}

@@ -1,0 +1,620 @@
+// Configuration C on a dataset made by hand: it must look as the same scene does in B.
+#include "models.h"
+
+#include "block.h"
+#include "cell_file.h"
+#include "cull.h"
+#include "file.h"
+#include "image_io.h"
+#include "manifest.h"
+#include "mesh_file.h"
+#include <ftw.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <unistd.h>
+
+#define SIZE        256u
+#define FACE        1 // looks along +y
+#define ATLAS       128u
+#define NEAR_PX     0.5
+#define SPHERE_LODS 3
+
+// Colours that BC1 holds exactly.
+static const uint8_t palette[6][3] = {{66, 0, 0},   {0, 65, 0},  {0, 0, 66},
+                                      {66, 65, 66}, {66, 65, 0}, {0, 65, 66}};
+
+// A far object: a flat rectangle across the view at `depth`, of 2 x 2 fields in the atlas.
+typedef struct far_quad {
+    float depth, x_min, x_max, y_min, y_max; // image space at distance 1
+    hw_rect rect;
+    uint8_t colors[4]; // lower left, lower right, upper left, upper right
+} far_quad;
+static const far_quad quads[2] = {
+    {100, -0.4f, 0.2f, -0.1f, 0.35f, {8, 16, 64, 48}, {0, 1, 2, 3}},
+    {60, 0.05f, 0.30f, -0.05f, 0.20f, {80, 72, 32, 32}, {4, 0, 5, 2}},
+};
+
+typedef struct fixture {
+    hw_context *context;
+    hw_target *target;
+    char folder[64];
+    hw_scene scene; // the truth
+    hw_manifest manifest;
+} fixture;
+
+// ---- the scene and its dataset ---------------------------------------------------------------
+
+static void basis(hw_vec3 *axis, hw_vec3 *right, hw_vec3 *up)
+{
+    hw_face_basis(FACE, axis, right, up);
+}
+
+static hw_vec3 quad_point(const far_quad *quad, hw_vec3 centre, double u, double v)
+{
+    hw_vec3 a, r, up;
+    basis(&a, &r, &up);
+    double wx = quad->x_min + u * (quad->x_max - quad->x_min);
+    double wy = quad->y_min + v * (quad->y_max - quad->y_min);
+    hw_vec3 d = hw_v3_mad(hw_v3_mad(a, r, (float)wx), up, (float)wy);
+    return hw_v3_mad(centre, d, quad->depth);
+}
+
+// Field i of a quad as a mesh of its own.
+static hw_mesh quad_field(const far_quad *quad, hw_vec3 centre, int i)
+{
+    hw_mesh mesh = model_mesh(4, 6);
+    double u = i % 2 * 0.5, v = i / 2 * 0.5;
+    hw_vec3 corner = quad_point(quad, centre, u, v);
+    model_face(&mesh, 0, corner, hw_v3_sub(quad_point(quad, centre, u + 0.5, v), corner),
+               hw_v3_sub(quad_point(quad, centre, u, v + 0.5), corner));
+    return mesh;
+}
+
+static hw_mesh textured_board(void)
+{
+    hw_mesh mesh = model_mesh(4, 6);
+    assert_ok(HW_NEW(&mesh.uvs, 4));
+    model_face(&mesh, 0, hw_v3(-4, 0, -4), hw_v3(8, 0, 0), hw_v3(0, 0, 8));
+    return mesh;
+}
+
+// Meshes 0 cube, 1 sphere, 2 board; then the fields of the quads. Objects likewise.
+enum { CUBE, SPHERE, BOARD, NEAR_OBJECTS };
+#define OBJECTS (NEAR_OBJECTS + 8)
+
+static void make_scene(fixture *f, hw_vec3 centre)
+{
+    hw_vec3 axis, right, up;
+    basis(&axis, &right, &up);
+    float light = hw_light(hw_v3_scale(axis, -1));
+    f->scene = model_scene(OBJECTS, OBJECTS);
+    hw_scene *s = &f->scene;
+    s->meshes[CUBE] = model_box(hw_v3(6, 6, 6));
+    s->meshes[SPHERE] = model_sphere(64, 32);
+    s->meshes[BOARD] = textured_board();
+    for (int i = 0; i < 8; i++)
+        s->meshes[NEAR_OBJECTS + i] = quad_field(&quads[i / 4], centre, i % 4);
+    for (uint32_t i = 0; i < OBJECTS; i++) {
+        s->objects[i].mesh_idx = s->objects[i].material_idx = i;
+        if (i < NEAR_OBJECTS)
+            continue;
+        uint32_t q = (i - NEAR_OBJECTS) / 4, k = (i - NEAR_OBJECTS) % 4;
+        for (int c = 0; c < 3; c++)
+            s->materials[i].base_color[c] = palette[quads[q].colors[k]][c] / 255.0f / light;
+    }
+    s->materials[CUBE].base_color[1] = 0.3f;
+    hw_vec3 cube = hw_v3_mad(hw_v3_mad(centre, axis, 80), right, 14);
+    s->objects[CUBE].transform =
+        hw_mat4_mul(hw_mat4_translation(cube.x, cube.y, cube.z), hw_mat4_rotation_z(0.4));
+    hw_vec3 sphere = hw_v3_mad(hw_v3_mad(centre, axis, 40), right, -12);
+    s->objects[SPHERE].transform =
+        hw_mat4_mul(hw_mat4_translation(sphere.x, sphere.y, sphere.z), hw_mat4_scale(-3, 3, 4));
+    hw_vec3 board = hw_v3_mad(hw_v3_mad(centre, axis, 50), up, -12);
+    s->objects[BOARD].transform = hw_mat4_translation(board.x, board.y, board.z);
+    assert_ok(hw_image_make(&s->materials[BOARD].texture, 16, 16, 3));
+    for (uint32_t i = 0; i < 256 * 3; i++)
+        s->materials[BOARD].texture.data[i] = (uint8_t)(i % 3 == 0   ? i / 3 % 16 * 15
+                                                        : i % 3 == 1 ? i / 48 * 15
+                                                                     : 60);
+    s->ground = (hw_ground){true, {{-600, -600, -20}, {600, 600, -20}}, {0.3f, 0.4f, 0.3f}};
+    hw_scene_update_bounds(s);
+}
+
+static void make_manifest(fixture *f)
+{
+    hw_manifest *m = &f->manifest;
+    const hw_scene *s = &f->scene;
+    m->near_error_px = NEAR_PX;
+    assert_ok(hw_strdup(&m->scene_path, "/nowhere.glb"));
+    assert_ok(hw_strdup(&m->policy, "by hand"));
+    m->ground = s->ground;
+    m->mesh_count = OBJECTS;
+    m->texture_count = 1;
+    m->object_count = OBJECTS;
+    m->cell_count = hw_hexgrid_cell_count(&m->grid);
+    assert_ok(HW_NEW(&m->objects, m->object_count));
+    assert_ok(HW_NEW(&m->cells, m->cell_count));
+    for (uint32_t i = 0; i < OBJECTS; i++) {
+        hw_manifest_object *o = &m->objects[i];
+        *o = (hw_manifest_object){.mesh_idx = i,
+                                  .transform = s->objects[i].transform,
+                                  .bounds = s->objects[i].bounds,
+                                  .texture_idx = i == BOARD ? 0 : -1};
+        memcpy(o->color, s->materials[i].base_color, sizeof o->color);
+    }
+    for (uint32_t i = 0; i < m->cell_count; i++)
+        m->cells[i].id = hw_hexgrid_cell(&m->grid, i);
+    assert_ok(hw_manifest_write(f->folder, m));
+}
+
+static void write_mesh(const fixture *f, uint32_t idx, const hw_mesh *levels,
+                       const hw_mesh_level_info *infos, uint32_t count)
+{
+    char *path = NULL;
+    assert_ok(hw_mesh_path(&path, f->folder, idx));
+    assert_ok(hw_mesh_file_write(path, 1, levels, infos, count));
+    hw_free(path);
+}
+
+static void write_meshes(const fixture *f)
+{
+    char path[96];
+    for (uint32_t i = 0; i < NEAR_OBJECTS; i++) {
+        const hw_mesh *mesh = &f->scene.meshes[i];
+        const hw_mesh_level_info info = {mesh->vertex_count, mesh->index_count, 0, 0, 0};
+        if (i != SPHERE)
+            write_mesh(f, i, mesh, &info, 1);
+    }
+    hw_mesh levels[SPHERE_LODS];
+    hw_mesh_level_info infos[SPHERE_LODS];
+    for (uint32_t i = 0; i < SPHERE_LODS; i++) {
+        levels[i] = model_sphere(64 >> i, 32 >> i);
+        infos[i] = (hw_mesh_level_info){levels[i].vertex_count, levels[i].index_count, i * 0.01f,
+                                        i * 0.02f, 0};
+    }
+    write_mesh(f, SPHERE, levels, infos, SPHERE_LODS);
+    for (uint32_t i = 0; i < SPHERE_LODS; i++)
+        hw_mesh_free(&levels[i]);
+    snprintf(path, sizeof path, "%s/meshes/texture_0.png", f->folder);
+    assert_ok(hw_image_write(path, &f->scene.materials[BOARD].texture));
+}
+
+// Fills the atlas: magenta, with each quad's fields at their place, row 0 at the bottom, spread by
+// 4 texels beyond the rectangle as captures are.
+static void paint_atlas(hw_cell *cell)
+{
+    hw_image image = {0};
+    assert_ok(hw_image_make(&image, ATLAS, ATLAS, 3));
+    memset(image.data, 200, (size_t)ATLAS * ATLAS * 3);
+    for (int q = 0; q < 2; q++) {
+        hw_rect r = quads[q].rect;
+        for (uint32_t y = r.y - 4; y < r.y + r.height + 4; y++) {
+            for (uint32_t x = r.x - 4; x < r.x + r.width + 4; x++) {
+                int field = (y >= r.y + r.height / 2) * 2 + (x >= r.x + r.width / 2);
+                memcpy(image.data + ((size_t)y * ATLAS + x) * 3, palette[quads[q].colors[field]],
+                       3);
+            }
+        }
+    }
+    cell->atlas_width = cell->atlas_height = ATLAS;
+    assert_ok(HW_NEW(&cell->atlas_bc1, hw_bc1_bytes(ATLAS, ATLAS)));
+    hw_bc1_encode(&image, cell->atlas_bc1);
+    hw_image_free(&image);
+}
+
+// The cell with all near objects; far ones only in the cell they were made for.
+static void write_cell(const fixture *f, hw_cell_id id, bool with_far)
+{
+    hw_cell cell = {.id = id, .centre = hw_cell_centre(&f->manifest.grid, id), .key = 1};
+    char *path = NULL;
+    cell.near_count = NEAR_OBJECTS;
+    assert_ok(HW_NEW(&cell.near, NEAR_OBJECTS));
+    for (uint32_t i = 0; i < NEAR_OBJECTS; i++)
+        cell.near[i].object_idx = i;
+    cell.far_count = with_far ? 2 : 0;
+    cell.vertex_count = cell.far_count * 4;
+    cell.index_count = cell.far_count * 6;
+    assert_ok(HW_NEW(&cell.far, cell.far_count));
+    assert_ok(HW_NEW(&cell.vertices, cell.vertex_count));
+    assert_ok(HW_NEW(&cell.indices, cell.index_count));
+    for (uint32_t q = 0; q < cell.far_count; q++) {
+        static const uint32_t pattern[6] = {0, 1, 3, 0, 3, 2};
+        const far_quad *quad = &quads[q];
+        float iz = 1 / quad->depth;
+        // The depth range is wider than the flat quad: iz is at 0.25 of it.
+        cell.far[q] = (hw_far_record){NEAR_OBJECTS + q * 4,
+                                      FACE,
+                                      quad->x_min,
+                                      quad->x_max,
+                                      quad->y_min,
+                                      quad->y_max,
+                                      iz * 0.9f,
+                                      iz * 1.3f,
+                                      hw_box_empty(),
+                                      quad->rect,
+                                      q * 4,
+                                      4,
+                                      q * 6,
+                                      6};
+        for (uint32_t i = 0; i < 4; i++) {
+            hw_box_add(&cell.far[q].bounds, quad_point(quad, cell.centre, i % 2, i / 2));
+            cell.vertices[q * 4 + i] =
+                (hw_far_vertex){i % 2 ? 65535 : 0, i / 2 ? 65535 : 0, 16384, (uint16_t)q};
+        }
+        for (uint32_t i = 0; i < 6; i++)
+            cell.indices[q * 6 + i] = q * 4 + pattern[i];
+    }
+    if (with_far)
+        paint_atlas(&cell);
+    assert_ok(hw_cell_path(&path, f->folder, id));
+    assert_ok(hw_cell_write(&cell, path));
+    hw_free(path);
+    hw_cell_free(&cell);
+}
+
+static int remove_entry(const char *path, const struct stat *info, int type, struct FTW *ftw)
+{
+    (void)info;
+    (void)type;
+    (void)ftw;
+    return remove(path);
+}
+
+static int open_fixture(void **state)
+{
+    static fixture f;
+    char path[96];
+    assert_int_equal(model_context_open((void **)&f.context), 0);
+    assert_ok(hw_target_create(&f.target, SIZE, SIZE, 1));
+    snprintf(f.folder, sizeof f.folder, "hybrid-XXXXXX");
+    assert_non_null(mkdtemp(f.folder));
+    snprintf(path, sizeof path, "%s/cells/0", f.folder);
+    assert_ok(hw_dir_make(path));
+    snprintf(path, sizeof path, "%s/meshes", f.folder);
+    assert_ok(hw_dir_make(path));
+    f.manifest.grid = hw_hexgrid_cover(-200, -200, 200, 200, 50, -10, 10);
+    hw_cell_id home = hw_hexgrid_locate(&f.manifest.grid, 0, 0);
+    make_scene(&f, hw_cell_centre(&f.manifest.grid, home));
+    make_manifest(&f);
+    write_meshes(&f);
+    for (uint32_t i = 0; i < f.manifest.cell_count; i++) {
+        hw_cell_id id = f.manifest.cells[i].id;
+        write_cell(&f, id, id.q == home.q && id.r == home.r);
+    }
+    *state = &f;
+    return 0;
+}
+
+static int close_fixture(void **state)
+{
+    fixture *f = *state;
+    hw_target_destroy(f->target);
+    hw_scene_free(&f->scene);
+    hw_manifest_free(&f->manifest);
+    hw_context_destroy(f->context);
+    return nftw(f->folder, remove_entry, 8, FTW_DEPTH | FTW_PHYS);
+}
+
+static hw_renderer *open_renderer(const fixture *f)
+{
+    const hw_renderer_desc desc = {.config = HW_CONFIG_C, .dataset = f->folder};
+    hw_renderer *renderer = NULL;
+    assert_ok(hw_renderer_create(&desc, &renderer));
+    return renderer;
+}
+
+// Looks along the face's axis from an eye off the centre of the home cell.
+static hw_camera view(const fixture *f, float dx, float dy, float dz)
+{
+    hw_vec3 axis, right, up;
+    basis(&axis, &right, &up);
+    hw_vec3 c = hw_cell_centre(&f->manifest.grid, hw_hexgrid_locate(&f->manifest.grid, 0, 0));
+    return model_camera(hw_v3_add(c, hw_v3(dx, dy, dz)), axis, SIZE);
+}
+
+static hw_image render(const fixture *f, hw_renderer *renderer, const hw_camera *camera,
+                       hw_frame_stats *stats)
+{
+    hw_image image = {0};
+    hw_target_bind(f->target);
+    assert_ok(hw_renderer_prepare(renderer, camera, NULL));
+    assert_ok(hw_renderer_draw(renderer, camera, stats));
+    assert_ok(hw_target_read(f->target, &image));
+    return image;
+}
+
+// ---- tests -----------------------------------------------------------------------------------
+
+// Whether the pixel lies between the darkest and the lightest of the truth's pixels round it.
+static bool is_near(const hw_image *truth, const uint8_t *p, uint32_t x, uint32_t y, uint32_t reach)
+{
+    for (int k = 0; k < 4; k++) {
+        int low = 255, high = 0;
+        for (uint32_t v = y >= reach ? y - reach : 0; v <= y + reach && v < SIZE; v++) {
+            for (uint32_t u = x >= reach ? x - reach : 0; u <= x + reach && u < SIZE; u++) {
+                int t = model_pixel(truth, u, v)[k];
+                low = t < low ? t : low;
+                high = t > high ? t : high;
+            }
+        }
+        if (p[k] < low - 3 || p[k] > high + 3)
+            return false;
+    }
+    return true;
+}
+
+static void test_same_as_geometry(void **state)
+{
+    fixture *f = *state;
+    static const float eyes[][3] = {
+        {0, 0, 0}, {10, -5, 3}, {-20, 10, -6}, {25, 20, 8}, {0, -30, 0}};
+    f->manifest.near_error_px = 1e-6; // near objects at full detail
+    assert_ok(hw_manifest_write(f->folder, &f->manifest));
+    hw_renderer *renderer = open_renderer(f);
+    f->manifest.near_error_px = NEAR_PX;
+    assert_ok(hw_manifest_write(f->folder, &f->manifest));
+    for (size_t i = 0; i < sizeof eyes / sizeof *eyes; i++) {
+        hw_camera camera = view(f, eyes[i][0], eyes[i][1], eyes[i][2]);
+        hw_frame_stats stats;
+        hw_image image = render(f, renderer, &camera, &stats);
+        hw_image truth = model_render(HW_CONFIG_B, &f->scene, &camera, 0, NULL);
+        uint32_t different = 0, objects = 0;
+        for (uint32_t y = 0; y < SIZE; y++) {
+            for (uint32_t x = 0; x < SIZE; x++) {
+                const uint8_t *p = model_pixel(&image, x, y);
+                objects += p[3] == 255;
+                different += !is_near(&truth, p, x, y, 0);
+                if (!is_near(&truth, p, x, y, 2))
+                    fail_msg("eye %zu: pixel (%u, %u) is %d %d %d %d", i, x, y, p[0], p[1], p[2],
+                             p[3]);
+            }
+        }
+        assert_true(objects > 5000);
+        assert_true(different < objects / 10); // the seams between texels and the silhouettes
+        assert_int_equal(stats.far_triangles, 4);
+        assert_true(stats.near_triangles >= 12);
+        assert_int_equal(stats.triangles, stats.near_triangles + stats.far_triangles + 2);
+        assert_int_equal(stats.stalls, 0);
+        hw_image_free(&image);
+        hw_image_free(&truth);
+    }
+    hw_renderer_destroy(renderer);
+}
+
+// The seam in the middle of quad 0 crosses the image where perspective says, to a twentieth of a
+// pixel.
+static void test_texture_placement(void **state)
+{
+    fixture *f = *state;
+    hw_renderer *renderer = open_renderer(f);
+    for (int i = 0; i < 5; i++) {
+        hw_camera camera = view(f, i * 3.3f - 10, i * 2.0f, 10);
+        hw_image image = render(f, renderer, &camera, NULL);
+        hw_cell_id home = hw_hexgrid_locate(&f->manifest.grid, 0, 0);
+        hw_vec3 seam = quad_point(&quads[0], hw_cell_centre(&f->manifest.grid, home), 0.5, 0.95);
+        hw_mat4 matrix = hw_camera_view_projection(&camera);
+        double clip[4];
+        for (int k = 0; k < 4; k++)
+            clip[k] = matrix.m[k] * seam.x + matrix.m[4 + k] * seam.y + matrix.m[8 + k] * seam.z +
+                      matrix.m[12 + k];
+        double wanted = (clip[0] / clip[3] * 0.5 + 0.5) * SIZE;
+        uint32_t row = (uint32_t)((0.5 - clip[1] / clip[3] * 0.5) * SIZE);
+        // Upper left is blue without red, upper right has red: where does red pass its half?
+        double found = -1;
+        for (uint32_t x = (uint32_t)wanted - 6; x < wanted + 6; x++) {
+            double a = model_pixel(&image, x, row)[0], b = model_pixel(&image, x + 1, row)[0];
+            if (a < 33 && b >= 33)
+                found = x + 0.5 + (33 - a) / (b - a);
+        }
+        assert_true(fabs(found - wanted) < 0.05);
+        hw_image_free(&image);
+    }
+    hw_renderer_destroy(renderer);
+}
+
+static uint32_t sphere_triangles(uint32_t level)
+{
+    return 2u * (64u >> level) * ((32u >> level) - 1);
+}
+
+// The level of the sphere is the coarsest whose error stays below the dataset's pixels.
+static void test_near_levels(void **state)
+{
+    fixture *f = *state;
+    hw_renderer *renderer = open_renderer(f);
+    const hw_manifest_object *sphere = &f->manifest.objects[SPHERE];
+    uint32_t seen = 0;
+    for (int i = 0; i < 60; i++) {
+        // From within the sphere's box outward; looking at it along x.
+        float distance = i < 2 ? 0 : (float)i * 1.7f;
+        hw_camera camera = view(f, 0, 0, 0);
+        hw_vec3 c = hw_box_centre(sphere->bounds);
+        camera.eye = hw_v3(sphere->bounds.max.x + distance - (i == 0), c.y, c.z);
+        camera.forward = hw_v3(-1, 0, 0);
+        double d = hw_box_distance(sphere->bounds, camera.eye);
+        double limit = NEAR_PX * d / hw_camera_focal_px(&camera) / 4; // scaled by 4
+        uint32_t level = limit >= 0.04 ? 2 : limit >= 0.02 ? 1 : 0;
+        if (fabs(limit - 0.04) < 1e-4 || fabs(limit - 0.02) < 1e-4)
+            continue;
+        hw_frame_stats stats;
+        hw_image image = render(f, renderer, &camera, &stats);
+        hw_image_free(&image);
+        // Nothing else is in view there but, perhaps, cube and board.
+        uint32_t rest = stats.near_triangles - sphere_triangles(level);
+        assert_true(rest == 0 || rest == 12 || rest == 2 || rest == 14);
+        seen |= 1u << level;
+    }
+    assert_int_equal(seen, 7);
+    hw_renderer_destroy(renderer);
+}
+
+static void test_draw_allocates_nothing(void **state)
+{
+    fixture *f = *state;
+    hw_renderer *renderer = open_renderer(f);
+    for (int i = 0; i < 12; i++) {
+        hw_camera camera = view(f, (float)i * 30 - 180, 0, 0);
+        hw_frame_stats stats;
+        hw_target_bind(f->target);
+        assert_ok(hw_renderer_prepare(renderer, &camera, NULL));
+        hw_alloc_fail_after(0);
+        assert_ok(hw_renderer_draw(renderer, &camera, &stats));
+        assert_int_equal(hw_alloc_count(), 0);
+        assert_int_equal(stats.stalls, 0);
+        assert_int_equal(stats.loaded_bytes, 0);
+    }
+    hw_renderer_destroy(renderer);
+}
+
+// Cells come on demand, stay for a while, and do not pile up.
+static void test_cells_come_and_go(void **state)
+{
+    fixture *f = *state;
+    hw_renderer *renderer = open_renderer(f);
+    hw_frame_stats stats;
+    uint64_t first_round = 0;
+    hw_target_bind(f->target);
+    assert_true(f->manifest.cell_count > 20);
+    for (int round = 0; round < 3; round++) {
+        for (uint32_t i = 0; i < f->manifest.cell_count; i++) {
+            hw_cell_id id = f->manifest.cells[i].id;
+            hw_vec3 c = hw_cell_centre(&f->manifest.grid, id);
+            hw_camera camera = model_camera(c, hw_v3(0, 1, 0), SIZE);
+            assert_ok(hw_renderer_draw(renderer, &camera, &stats)); // without prepare: it waits
+            assert_int_equal(stats.cell_q, id.q);
+            assert_int_equal(stats.cell_r, id.r);
+            assert_int_equal(stats.stalls, 1);
+            assert_true(stats.loaded_bytes > 0 && stats.load_ms > 0);
+            assert_ok(hw_renderer_draw(renderer, &camera, &stats));
+            assert_int_equal(stats.stalls, 0);
+        }
+        // A step back is free.
+        hw_vec3 c =
+            hw_cell_centre(&f->manifest.grid, f->manifest.cells[f->manifest.cell_count - 2].id);
+        hw_camera camera = model_camera(c, hw_v3(0, 1, 0), SIZE);
+        assert_ok(hw_renderer_prepare(renderer, &camera, &stats));
+        assert_int_equal(stats.stalls, 0);
+        if (round == 0)
+            first_round = hw_renderer_gpu_bytes(renderer);
+        assert_true(hw_renderer_gpu_bytes(renderer) <= first_round);
+    }
+    hw_renderer_destroy(renderer);
+}
+
+// Runs the function with the file replaced (or missing, with data NULL); puts it back.
+static void check_broken(fixture *f, const char *name, const void *data, size_t size,
+                         hw_status wanted)
+{
+    char path[96];
+    uint8_t *saved = NULL;
+    size_t saved_size;
+    const hw_renderer_desc desc = {.config = HW_CONFIG_C, .dataset = f->folder};
+    hw_camera camera = view(f, 0, 0, 0);
+    hw_renderer *renderer = NULL;
+    snprintf(path, sizeof path, "%s/%s", f->folder, name);
+    assert_ok(hw_file_read(path, 0, &saved, &saved_size));
+    if (data)
+        assert_ok(hw_file_write(path, data, size));
+    else
+        assert_int_equal(unlink(path), 0);
+    hw_status status = hw_renderer_create(&desc, &renderer);
+    if (status == HW_OK)
+        status = hw_renderer_prepare(renderer, &camera, NULL);
+    if (status == HW_OK || (wanted != HW_OK && status != wanted))
+        fail_msg("%s: %s (%s)", name, hw_status_text(status), hw_error_text());
+    if (!strstr(hw_error_text(), name))
+        fail_msg("\"%s\" does not name %s", hw_error_text(), name);
+    assert_ok(hw_file_write(path, saved, saved_size));
+    if (renderer) {
+        // The renderer survives, and goes on once the file is there.
+        hw_target_bind(f->target);
+        assert_ok(hw_renderer_draw(renderer, &camera, NULL));
+    }
+    hw_renderer_destroy(renderer);
+    hw_free(saved);
+}
+
+static void test_broken_files(void **state)
+{
+    fixture *f = *state;
+    char cell[64], path[96];
+    hw_cell_id home = hw_hexgrid_locate(&f->manifest.grid, 0, 0);
+    snprintf(cell, sizeof cell, "cells/0/%d_%d.hxc", home.q, home.r);
+    const char *const names[] = {"manifest.json", "meshes/0.hxm", "meshes/1.hxm",
+                                 "meshes/texture_0.png", cell};
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        uint8_t *data = NULL;
+        size_t size;
+        // hw_image_read has its own words for a missing image.
+        if (i != 0)
+            check_broken(f, names[i], NULL, 0, i == 3 ? HW_OK : HW_NOT_FOUND);
+        check_broken(f, names[i], "rubbish", 7, HW_OK);
+        snprintf(path, sizeof path, "%s/%s", f->folder, names[i]);
+        assert_ok(hw_file_read(path, 0, &data, &size));
+        check_broken(f, names[i], data, size / 2, HW_OK);
+        hw_free(data);
+    }
+    hw_renderer *renderer = NULL;
+    const hw_renderer_desc nowhere = {.config = HW_CONFIG_C, .dataset = "no-such-folder"};
+    assert_int_equal(hw_renderer_create(&nowhere, &renderer), HW_NOT_FOUND);
+    assert_non_null(strstr(hw_error_text(), "no-such-folder"));
+}
+
+// A cell of another place, or with objects the manifest does not have.
+static void test_cells_that_do_not_belong(void **state)
+{
+    fixture *f = *state;
+    char name[64], path[96];
+    hw_cell_id home = hw_hexgrid_locate(&f->manifest.grid, 0, 0);
+    snprintf(name, sizeof name, "cells/0/%d_%d.hxc", home.q, home.r);
+    snprintf(path, sizeof path, "%s/other.hxc", f->folder);
+    hw_near_record near = {OBJECTS, 0};
+    for (int i = 0; i < 2; i++) {
+        hw_cell cell = {.id = home, .near_count = (uint32_t)i, .near = &near};
+        cell.id.q += i == 0;
+        uint8_t *data = NULL;
+        size_t size;
+        assert_ok(hw_cell_write(&cell, path));
+        assert_ok(hw_file_read(path, 0, &data, &size));
+        check_broken(f, name, data, size, HW_FORMAT);
+        hw_free(data);
+    }
+}
+
+static void test_failing_allocations(void **state)
+{
+    fixture *f = *state;
+    const hw_renderer_desc desc = {.config = HW_CONFIG_C, .dataset = f->folder};
+    hw_camera camera = view(f, 0, 0, 0);
+    hw_target_bind(f->target);
+    for (uint64_t n = 1;; n++) {
+        hw_renderer *renderer = NULL;
+        hw_alloc_fail_after(n);
+        hw_status status = hw_renderer_create(&desc, &renderer);
+        if (status == HW_OK)
+            status = hw_renderer_draw(renderer, &camera, NULL);
+        bool passed = hw_alloc_count() < n;
+        hw_alloc_fail_after(0);
+        if (renderer) // whatever failed, it can go on
+            assert_ok(hw_renderer_draw(renderer, &camera, NULL));
+        hw_renderer_destroy(renderer);
+        if (passed)
+            break;
+        assert_true(n < 5000);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_same_as_geometry),
+        cmocka_unit_test(test_texture_placement),
+        cmocka_unit_test(test_near_levels),
+        cmocka_unit_test(test_draw_allocates_nothing),
+        cmocka_unit_test(test_cells_come_and_go),
+        cmocka_unit_test(test_broken_files),
+        cmocka_unit_test(test_cells_that_do_not_belong),
+        cmocka_unit_test(test_failing_allocations),
+    };
+    return cmocka_run_group_tests_name("draw_hybrid", tests, open_fixture, close_fixture);
+}

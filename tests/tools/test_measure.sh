@@ -1,0 +1,156 @@
+#!/bin/bash
+# hexwalk measure from end to end on a small scene: the report's keys, that its summaries follow from
+# frames.csv, that the page needs nothing from outside, and what happens when something is missing.
+#   test_measure.sh PROGRAM
+set -uo pipefail
+
+hexwalk=$(realpath "$1")
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+cd "$work" || exit 1
+failures=0
+# Mesa keeps 480 bytes per context; under the leak sanitizer that is not our failure.
+echo 'leak:libOSMesa' >known_leaks
+export LSAN_OPTIONS=${LSAN_OPTIONS:+$LSAN_OPTIONS:}suppressions=$work/known_leaks:print_suppressions=0
+
+fail() {
+    printf 'FAILED: %s\n' "$1"
+    sed 's/^/    /' log
+    failures=$((failures + 1))
+}
+
+# run CODE ARGUMENT... - the exit code must be CODE; output goes to `log`.
+run() {
+    local code=$1
+    shift
+    "$hexwalk" "$@" >log 2>&1 </dev/null
+    local got=$?
+    [[ $got -eq $code ]] || { fail "hexwalk $* exited with $got, not $code"; return 1; }
+}
+
+# Balls along both sides of a path: make_scene RADIUS.
+make_scene() {
+    awk -v radius="$1" 'BEGIN {
+        pi = 3.14159265; rings = 12; sides = 18; base = 1
+        for (ball = 0; ball < 10; ball++) {
+            print "o ball" ball
+            cx = ball * 25; cy = ball % 2 ? 30 : -30
+            for (i = 0; i <= rings; i++) for (j = 0; j < sides; j++) {
+                a = pi * i / rings; b = 2 * pi * j / sides
+                printf "v %.5f %.5f %.5f\n", cx + radius * sin(a) * cos(b), \
+                    cy + radius * sin(a) * sin(b), radius - radius * cos(a)
+            }
+            for (i = 0; i < rings; i++) for (j = 0; j < sides; j++) {
+                p = base + i * sides + j; q = base + i * sides + (j + 1) % sides
+                if (i < rings - 1) printf "f %d %d %d\n", p, q + sides, p + sides
+                if (i > 0) printf "f %d %d %d\n", p, q, q + sides
+            }
+            base += (rings + 1) * sides
+        }
+    }'
+}
+
+make_tour() {
+    awk 'BEGIN {
+        printf "{\"fov_degrees\":60,\"frames\":["
+        for (i = 0; i < 24; i++)
+            printf "%s{\"t\":%.2f,\"eye\":[%.1f,0,12],\"forward\":[1,0,0],\"up\":[0,0,1]}",
+                i ? "," : "", i / 10, i * 9
+        print "]}"
+    }'
+}
+
+# check NAME REPORT_FOLDER FRAMES CONFIGS [EXPRESSION] - reads report.json as `r`, frames.csv as
+# `rows`; the expression must hold.
+check() {
+    python3 - "${@:2}" >log 2>&1 <<'EOF' || fail "$1"
+import csv, json, math, sys
+folder, frames, names = sys.argv[1], int(sys.argv[2]), sys.argv[3].split(",")
+r = json.load(open(folder + "/report.json"))
+rows = list(csv.DictReader(open(folder + "/frames.csv")))
+assert set(r) >= {"scene", "dataset", "size", "frames", "reference_samples", "configs", "ratios"}, list(r)
+assert set(r["scene"]) >= {"triangles", "objects"}
+assert set(r["dataset"]) >= {"cells", "bytes", "mesh_bytes", "texture_bytes", "build_seconds"}
+assert r["frames"] == frames and list(r["configs"]) == names, (r["frames"], list(r["configs"]))
+assert len(rows) == frames * len(names)
+
+def column(name, key):
+    text = [row[key] for row in rows if row["config"] == name]
+    return sorted(v for v in map(float, filter(None, text)) if math.isfinite(v))
+
+def same(a, b):
+    return a is None and b is None or a is not None and math.isclose(a, b, rel_tol=1e-5, abs_tol=1e-9)
+
+for name, c in r["configs"].items():
+    for key, parts in {"frame_ms": {"mean", "median", "p99"}, "triangles": {"mean", "max"},
+                       "psnr_1spp": {"mean", "min"}, "psnr_reference": {"mean", "min"},
+                       "psnr_objects": {"mean", "min"}, "ssim_reference": {"mean", "min"}}.items():
+        v = column(name, key)
+        assert set(c[key]) == parts, (name, key, c[key])
+        assert same(c[key]["mean"], sum(v) / len(v) if v else None), (name, key)
+        for part, pick in {"min": 0, "max": -1, "p99": -1}.items():
+            if part in parts:
+                assert same(c[key][part], v[pick] if v else None), (name, key, part)
+    assert c["gpu_bytes_peak"] > 0 and c["rss_bytes_peak"] > 1e6, name
+    assert c["psnr_reference"]["mean"] > 20 and c["ssim_reference"]["mean"] > 0.5, name
+    assert set(c) >= {"hole_pixels", "pop", "load"} or name != "C"
+for pair, ratio in r["ratios"].items():
+    a, b = pair.split("/")
+    both = a in names and b in names
+    assert same(ratio, r["configs"][a]["frame_ms"]["mean"] / r["configs"][b]["frame_ms"]["mean"]
+                if both else None), pair
+page = open(folder + "/report.html", encoding="utf-8").read()
+for outside in ["http:", "https:", "src=\"/", "@import", "<link"]:
+    assert outside not in page.replace("http://www.w3.org/", ""), outside
+assert all(x.split('"')[0].startswith("data:image/") for x in page.split('src="')[1:])
+assert page.count("<svg") == page.count("</svg>")
+if len(sys.argv) > 4:
+    assert eval("(" + sys.argv[4] + ")"), sys.argv[4]
+EOF
+}
+
+echo 'not run' >log
+make_scene 10 >balls.obj
+make_tour >tour.json
+run 0 build balls.obj -o data --cell-size 60 --quiet || exit 1
+
+# Full geometry and culled geometry are the same image; B at one sample is the truth itself.
+run 0 measure data --tour tour.json --configs A,B,L,C -o full --every 6 --size 160x120 \
+    --reference-samples 4 --repeat 1 --json copy.json --quiet &&
+    check 'all configurations' full 4 A,B,L,C '
+        r["configs"]["B"]["psnr_1spp"]["mean"] is None and r["configs"]["B"]["ssim_objects"]["mean"] == 1
+        and r["configs"]["A"]["psnr_objects"]["min"] is None
+        and r["configs"]["A"]["triangles"]["max"] >= r["configs"]["B"]["triangles"]["max"]
+        and r["configs"]["C"]["psnr_1spp"]["min"] > 25 and r["configs"]["C"]["load"]["bytes"] > 0
+        and r["cell_crossings"] > 0 and r["configs"]["C"]["pop"]["mean"] is not None
+        and r["size"] == [160, 120] and r["reference_samples"] == 4
+        and json.load(open("copy.json")) == r
+        and (page.count("<svg") == 4 or "gnuplot" in page) and page.count("data:image/") == 18'
+[[ -z $(find full -name '*.tmp') ]] || fail 'temporary files are left'
+
+# One frame, one configuration, four samples: nothing to compare frame times with.
+run 0 measure data --tour tour.json --configs C -o one --every 1000 --size 96x96 --samples 4 \
+    --reference-samples 1 --repeat 2 --quiet &&
+    check 'one frame' one 1 C 'r["ratios"] == {"A/C": None, "B/C": None, "L/C": None} and r["samples"] == 4'
+
+# Without gnuplot the page says so in place of the plots.
+mkdir empty
+PATH=$work/empty run 0 measure data --tour tour.json --configs B,C -o bare --every 12 --size 64x64 \
+    --reference-samples 2 --repeat 1 --quiet &&
+    check 'without gnuplot' bare 2 B,C 'page.count("<svg") == 0 and page.count("gnuplot is not installed") == 4'
+
+# Another scene than the dataset's is refused by name, and a failure leaves no report.
+make_scene 9 >balls.obj
+run 1 measure data --tour tour.json -o wrong --quiet
+grep -q 'balls.obj.*not the scene' log || fail 'the changed scene was not named'
+make_scene 10 >moved.obj
+run 0 measure data --tour tour.json --configs C --scene moved.obj -o moved --every 24 --size 32x32 \
+    --reference-samples 1 --repeat 1 --quiet
+run 1 measure data --tour none.json -o wrong --quiet
+[[ ! -e wrong/report.json ]] || fail 'a failed measurement wrote a report'
+for list in '' A,,B A,X AB A,A; do
+    run 2 measure data --tour tour.json --configs "$list" -o wrong
+done
+
+echo "$failures failures"
+[[ $failures -eq 0 ]]

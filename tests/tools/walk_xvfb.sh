@@ -1,0 +1,231 @@
+#!/bin/bash
+# hexwalk walk as a person uses it: a window on a virtual display, keys, screenshots. Exits with 77
+# (skipped) where Xvfb or xdotool is missing.
+#   walk_xvfb.sh PROGRAM
+set -uo pipefail
+
+hexwalk=$(realpath "$1")
+for tool in Xvfb xdotool; do
+    command -v $tool >/dev/null || { echo "skipped: no $tool"; exit 77; }
+done
+
+work=$(mktemp -d)
+server= walk=
+clean_up() {
+    [[ -z $walk ]] || kill -9 "$walk" 2>/dev/null
+    [[ -z $server ]] || kill "$server" 2>/dev/null
+    wait 2>/dev/null
+    rm -rf "$work"
+}
+trap clean_up EXIT
+cd "$work" || exit 1
+checks=0 failures=0
+
+# check WHAT COMMAND... - counts a failure if the command fails.
+check() {
+    local what=$1
+    shift
+    checks=$((checks + 1))
+    "$@" >found && return
+    printf 'FAILED: %s %s\n' "$what" "$(tr "\n" " " <found)"
+    [[ ! -e err ]] || sed 's/^/    err: /' err
+    failures=$((failures + 1))
+}
+
+# until_true SECONDS COMMAND... - tries until the command succeeds.
+until_true() {
+    local tries=$(($1 * 10))
+    shift
+    while ! "$@" >/dev/null 2>&1; do
+        ((tries-- > 0)) || return 1
+        sleep 0.1
+    done
+}
+
+# fails_with CODE PATTERN COMMAND...
+fails_with() {
+    local code=$1 pattern=$2 got
+    shift 2
+    timeout 60 "$@" >out 2>err </dev/null
+    got=$?
+    [[ $got -eq $code ]] || { echo "exit code $got"; return 1; }
+    grep -qE -- "$pattern" err
+}
+
+# does PATTERN COMMAND... - exits with 0 and prints the pattern.
+does() {
+    local pattern=$1
+    shift
+    timeout 120 "$@" >out 2>err </dev/null || return 1
+    grep -qE -- "$pattern" out
+}
+
+# start TITLE ARGUMENT... - opens a window and waits for its title.
+start() {
+    local title=$1
+    shift
+    "$hexwalk" walk "$@" >out 2>err </dev/null &
+    walk=$!
+    until_true 60 window "$title"
+}
+
+window() { xdotool search --name "$1"; }
+
+# ended CODE - the walk ends by itself, with that exit code.
+ended() {
+    local got
+    until_true 30 eval '! kill -0 $walk' || return 1
+    wait "$walk"
+    got=$?
+    walk=
+    [[ $got -eq $1 ]] || { echo "exit code $got"; return 1; }
+}
+
+# size_is FILE WIDTH HEIGHT - of a PNG.
+size_is() {
+    local sides
+    sides=$(od -An -tu1 -j16 -N8 "$1")
+    # shellcheck disable=SC2086
+    set -- $sides "$2" "$3"
+    [[ $((($1 << 24) + ($2 << 16) + ($3 << 8) + $4)) -eq $9 ]] &&
+        [[ $((($5 << 24) + ($6 << 16) + ($7 << 8) + $8)) -eq ${10} ]]
+}
+
+# Six boxes on a plain of 300 x 200.
+make_scene() {
+    local n=0 x y z
+    for y in 50 150; do
+        for x in 50 150 250; do
+            echo "o box$n"
+            for z in 0 25; do
+                printf 'v %d %d %d\n' $((x - 8)) $((y - 8)) $z $((x + 8)) $((y - 8)) $z \
+                    $((x + 8)) $((y + 8)) $z $((x - 8)) $((y + 8)) $z
+            done
+            for f in "1 3 2" "1 4 3" "5 6 7" "5 7 8" "1 2 6" "1 6 5" "2 3 7" "2 7 6" "3 4 8" \
+                "3 8 7" "4 1 5" "4 5 8"; do
+                # shellcheck disable=SC2086
+                set -- $f
+                echo "f $(($1 + 8 * n)) $(($2 + 8 * n)) $(($3 + 8 * n))"
+            done
+            n=$((n + 1))
+        done
+    done
+}
+
+make_scene >scene.obj
+head -c 60 scene.obj >cut.obj
+
+# ---- Without a display
+
+unset DISPLAY WAYLAND_DISPLAY
+check 'no display' fails_with 1 'display.*hexwalk render' "$hexwalk" walk scene.obj
+check 'no such file' fails_with 1 'nowhere' "$hexwalk" walk nowhere
+check 'no dataset' fails_with 1 'manifest' "$hexwalk" walk "$work"
+check 'C on a scene' fails_with 2 'needs a dataset' "$hexwalk" walk scene.obj --config C
+check 'no such tour' fails_with 1 'no.json' "$hexwalk" walk scene.obj --tour no.json
+check 'no folder to record to' fails_with 1 'no/t.json' "$hexwalk" walk scene.obj --record no/t.json
+check 'odd samples' fails_with 2 'samples' "$hexwalk" walk scene.obj --samples 3
+check 'tiny window' fails_with 2 'size' "$hexwalk" walk scene.obj --size 3x3
+
+# ---- A scene
+
+exec 3<>display
+Xvfb -displayfd 3 -screen 0 800x600x24 -nolisten tcp >server.log 2>&1 &
+server=$!
+until_true 30 test -s display || { cat server.log; echo 'skipped: Xvfb does not start'; exit 77; }
+DISPLAY=:$(head -1 display)
+export DISPLAY
+# Keys go to the window under the pointer.
+xdotool mousemove 60 60
+
+size=(--size 320x240)
+for config in A B L; do
+    check "configuration $config" does '^7 frames in' \
+        "$hexwalk" walk scene.obj --config $config --frames 7 "${size[@]}"
+done
+check '4 samples' does '^7 frames in' "$hexwalk" walk scene.obj --samples 4 --frames 7 "${size[@]}"
+check 'broken scene' fails_with 1 'cut.obj' "$hexwalk" walk cut.obj "${size[@]}"
+check 'fullscreen' does '^3 frames' "$hexwalk" walk scene.obj --fullscreen --frames 3
+
+echo precious >hexwalk_0001.png
+check 'window' start 'scene.obj - B .*Hexwalk' scene.obj "${size[@]}"
+xdotool key F12
+check 'screenshot' until_true 20 test -s hexwalk_0002.png
+check 'nothing overwritten' grep -q precious hexwalk_0001.png
+xdotool key r
+sleep 0.3
+xdotool keydown w
+sleep 0.5
+xdotool keyup w
+xdotool key r
+check 'recording' until_true 20 test -s hexwalk_tour_0001.json
+xdotool key F1 h F12
+check 'second screenshot' until_true 20 test -s hexwalk_0003.png
+check 'the walker has moved' eval '! cmp -s hexwalk_0002.png hexwalk_0003.png'
+check 'size of a screenshot' size_is hexwalk_0003.png 320 240
+for step in '1 A' '3 L' '2 B'; do
+    xdotool key "${step% *}"
+    check "key ${step% *}" until_true 30 window "scene.obj - ${step#* } "
+done
+xdotool key 4
+sleep 0.3
+check 'no C for scenes' window 'scene.obj - B '
+id=$(window 'scene.obj - B ' | head -1)
+xdotool windowsize --sync "$id" 400 300
+sleep 0.5
+xdotool key F12
+check 'third screenshot' until_true 20 test -s hexwalk_0004.png
+check 'size after resizing' size_is hexwalk_0004.png 400 300
+# A click captures the mouse, the first Escape releases it, the second one quits.
+xdotool mousemove 60 60 click 1
+sleep 0.3
+xdotool key Escape
+sleep 0.5
+check 'the first Escape releases' kill -0 "$walk"
+xdotool key Escape
+check 'the second Escape quits' ended 0
+
+check 'playing what was recorded' does '^20 frames' \
+    "$hexwalk" walk scene.obj --tour hexwalk_tour_0001.json --frames 20 "${size[@]}"
+check 'window' start 'scene.obj - B ' scene.obj --record whole.json "${size[@]}"
+xdotool key ctrl+q
+check 'Ctrl-Q quits' ended 0
+check 'the whole walk recorded' grep -q '"frames"' whole.json
+rm -f whole.json
+check 'window' start 'scene.obj - B ' scene.obj --record whole.json "${size[@]}"
+kill -INT "$walk"
+check 'Ctrl-C in the terminal quits' ended 0
+check 'and keeps the recording' grep -q '"frames"' whole.json
+
+# ---- A dataset
+
+check 'build' eval '"$hexwalk" build scene.obj -o data --quiet >out 2>err'
+check 'configuration C' does '^7 frames in' "$hexwalk" walk data --frames 7 "${size[@]}"
+check 'window' start 'data - C ' data "${size[@]}"
+xdotool key 2
+check 'the scene is loaded' until_true 30 window 'data - B '
+xdotool key 4
+check 'and back' until_true 30 window 'data - C '
+mv scene.obj away.obj
+xdotool key 1
+sleep 1
+check 'the loaded scene serves A too' until_true 30 window 'data - A '
+xdotool key Escape
+check 'quits' ended 0
+check 'window' start 'data - C ' data "${size[@]}"
+xdotool key 2
+check 'a scene that has moved is told of' until_true 20 grep -q 'scene.obj' err
+check 'and C goes on' window 'data - C '
+xdotool key Escape
+check 'quits' ended 0
+check '--scene' does '^7 frames in' \
+    "$hexwalk" walk data --scene away.obj --config L --frames 7 "${size[@]}"
+for cell in data/cells/*/*.hxc; do
+    printf 'rubbish' | dd of="$cell" bs=1 seek=8 conv=notrunc status=none
+done
+check 'broken cell' fails_with 1 '\.hxc' "$hexwalk" walk data "${size[@]}"
+rm -rf data/cells
+check 'missing cell' fails_with 1 '\.hxc' "$hexwalk" walk data "${size[@]}"
+
+echo "$checks checks, $failures failures"
+[[ $failures -eq 0 ]]
