@@ -6,9 +6,6 @@
 #pragma once
 #include <stddef.h>
 
-// The build also passes the program's version under a name that is taken here.
-#undef HW_VERSION
-
 #define HW_STATUS_LIST(X)                                                                          \
     X(OK, "ok")                                                                                    \
     X(USAGE, "wrong usage")                                                                        \

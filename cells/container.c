@@ -187,7 +187,7 @@ static hw_status fail_kind(const hw_container *c, uint32_t kind)
 static hw_status read_header(hw_container *c, uint32_t kind)
 {
     uint8_t bytes[HEADER_BYTES];
-    if (c->size == 0)
+    if (c->size == 0 || (!c->reader && !c->data))
         return hw_fail(HW_FORMAT, "%s: the file is empty", c->name);
     HW_TRY(read_at(c, 0, bytes, sizeof bytes));
     hw_bytes_reader r = hw_bytes_reader_make(bytes, sizeof bytes);

@@ -435,7 +435,9 @@ static hw_status write_seconds(const char *dataset, double seconds)
     HW_TRY(hw_path_join(&path, dataset, "build.json"));
     cJSON *json = cJSON_CreateObject();
     hw_json_add_number(json, "seconds", seconds);
-    hw_status status = hw_json_write(path, json);
+    hw_status status = cJSON_HasObjectItem(json, "seconds")
+                           ? hw_json_write(path, json)
+                           : hw_fail(HW_MEMORY, "%s: out of memory while writing", path);
     cJSON_Delete(json);
     hw_free(path);
     return status;

@@ -78,7 +78,7 @@ static double sum_over_sector(const double centre[2], const double a[2], const d
         for (int j = 0; j < 2 * (SPLIT - i) - 1; j++) {
             int flip = j & 1;
             double s = (i + (flip ? 2.0 : 1.0) / 3) / SPLIT;
-            double t = (j / 2 + (flip ? 2.0 : 1.0) / 3) / SPLIT;
+            double t = ((double)(j / 2) + (flip ? 2.0 : 1.0) / 3) / SPLIT;
             double x = centre[0] + s * (a[0] - centre[0]) + t * (b[0] - centre[0]);
             double y = centre[1] + s * (a[1] - centre[1]) + t * (b[1] - centre[1]);
             double d = fmax(hypot(hypot(x - target[0], y - target[1]), target[2]), nearest);

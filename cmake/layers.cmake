@@ -8,7 +8,7 @@ set(HW_C_WARNINGS -Wstrict-prototypes -Wmissing-prototypes)
 
 function(hw_compile_options target)
   target_compile_options(${target} PRIVATE ${HW_WARNINGS} $<$<COMPILE_LANGUAGE:C>:${HW_C_WARNINGS}>)
-  target_compile_definitions(${target} PRIVATE _GNU_SOURCE HW_VERSION="${PROJECT_VERSION}")
+  target_compile_definitions(${target} PRIVATE _GNU_SOURCE)
   if(HW_NATIVE)
     target_compile_options(${target} PRIVATE -march=native -ffp-contract=off)
   endif()
@@ -20,7 +20,7 @@ endfunction()
 
 # hw_layer(cells base textures scenes): folder `cells`, target hw_cells, linked to hw_base, ...
 function(hw_layer name)
-  file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*.c ${CMAKE_CURRENT_SOURCE_DIR}/*.cpp
+  file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*.c
        ${CMAKE_CURRENT_SOURCE_DIR}/*/*.c)
   add_library(hw_${name} STATIC ${sources})
   target_include_directories(hw_${name} PUBLIC ${CMAKE_CURRENT_SOURCE_DIR})

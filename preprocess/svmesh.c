@@ -6,6 +6,7 @@
 
 // Colours spread this far beyond an object's outline, so that filtering and simplified outlines never meet the background.
 #define DILATION_TEXELS 6u
+#define EXTENT_FACES 1000u
 
 static const hw_svmesh_policy *const policies[] = {&hw_policy_screen, &hw_policy_thesis, NULL};
 
@@ -206,12 +207,20 @@ static hw_box record_bounds(const hw_svmesh *svmesh, hw_vec3 centre)
     return box;
 }
 
-// Distance from the cell centre and depth of what faces the cell, for the self-occluding error: from the coarsest level, whose few
-// vertices tell the extent well enough.
+// The coarsest level that still has every limb: enough to tell how deep an object is.
+static const hw_mesh *extent_level(const hw_chain *chain)
+{
+    uint32_t l = chain->level_count - 1;
+    while (l > 0 && chain->infos[l].index_count < 3 * EXTENT_FACES)
+        l--;
+    return &chain->levels[l];
+}
+
+// Distance from the cell centre and depth of what faces the cell give the self-occluding error.
 static double self_occlusion(const hw_svmesh_job *job)
 {
     const hw_object *object = &job->scene->objects[job->object_idx];
-    const hw_mesh *level = &job->chain->levels[job->chain->level_count - 1];
+    const hw_mesh *level = extent_level(job->chain);
     hw_vec3 eyes[HW_CELL_CORNERS];
     uint32_t eye_count = hw_svmesh_eyes(job, false, eyes);
     double least = INFINITY, most = 0;

@@ -3,6 +3,10 @@
 #include "alloc.h"
 #include "context_internal.h"
 #include <GL/osmesa.h>
+#include <malloc.h>
+
+#define MAPPED_BYTES (4 << 20)
+#define KEPT_BYTES   (32 << 20)
 
 typedef struct osmesa_state {
     OSMesaContext context;
@@ -36,6 +40,13 @@ static hw_status osmesa_create(const hw_context_desc *desc, void **state)
                                      0};
     hw_status status = HW_OK;
     osmesa_state *s = NULL;
+#ifdef __GLIBC__
+    // Software GL keeps textures and buffers in the process's heap. By default glibc raises the
+    // size from which it maps blocks of their own with every large block freed, and a walk that
+    // loads and drops cells would tear the heap to pieces: 40 MB after a minute.
+    mallopt(M_MMAP_THRESHOLD, MAPPED_BYTES);
+    mallopt(M_TRIM_THRESHOLD, KEPT_BYTES);
+#endif
     HW_GO(HW_NEW(&s, 1));
     HW_GO(hw_alloc((void **)&s->pixels, (size_t)desc->width * 4, desc->height));
     s->context = OSMesaCreateContextAttribs(attributes, NULL);

@@ -10,7 +10,7 @@
 #include <string.h>
 
 #define CELLS_MAX         8u
-#define CELL_BYTES_BUDGET (UINT64_C(48) << 20) // of GPU memory, but the current cell always stays
+#define CELL_BYTES_BUDGET (UINT64_C(24) << 20) // of GPU memory, but the current cell always stays
 #define NEAR_BYTES_BUDGET (UINT64_C(96) << 20)
 
 #define STRINGIZE(x) #x

@@ -225,10 +225,10 @@ static void describe_vertices(const hw_mesh *mesh)
     glVertexAttribPointer(0, 3, GL_FLOAT, GL_FALSE, stride,
                           hw_gpu_offset(offsetof(near_vertex, position)));
     glEnableVertexAttribArray(1);
-    glVertexAttribPointer(1, 3, GL_SHORT, GL_TRUE, stride,
+    glVertexAttribPointer(1, 4, GL_SHORT, GL_TRUE, stride,
                           hw_gpu_offset(offsetof(near_vertex, normal)));
     glEnableVertexAttribArray(2);
-    glVertexAttribPointer(2, 3, GL_UNSIGNED_BYTE, GL_TRUE, stride,
+    glVertexAttribPointer(2, 4, GL_UNSIGNED_BYTE, GL_TRUE, stride,
                           hw_gpu_offset(offsetof(near_vertex, color)));
     if (mesh->uvs) {
         glEnableVertexAttribArray(3);

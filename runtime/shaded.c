@@ -75,8 +75,8 @@ hw_status hw_shaded_mesh_create(hw_gpu_account *account, const hw_mesh *mesh, hw
     const GLsizei stride = sizeof(vertex);
     glVertexAttribPointer(0, 3, GL_FLOAT, GL_FALSE, stride,
                           hw_gpu_offset(offsetof(vertex, position)));
-    glVertexAttribPointer(1, 3, GL_SHORT, GL_TRUE, stride, hw_gpu_offset(offsetof(vertex, normal)));
-    glVertexAttribPointer(2, 3, GL_UNSIGNED_BYTE, GL_TRUE, stride,
+    glVertexAttribPointer(1, 4, GL_SHORT, GL_TRUE, stride, hw_gpu_offset(offsetof(vertex, normal)));
+    glVertexAttribPointer(2, 4, GL_UNSIGNED_BYTE, GL_TRUE, stride,
                           hw_gpu_offset(offsetof(vertex, color)));
     for (GLuint i = 0; i < 3; i++)
         glEnableVertexAttribArray(i);

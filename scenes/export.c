@@ -36,6 +36,7 @@ typedef struct exporter {
     int32_t *plain_of;   // per material: its twin without texture; -1 = none
     uint8_t **pngs;      // per material, NULL where shared or none
     hw_vec3 ground_corners[4], ground_normals[4];
+    uint32_t ground_indices[6];
 } exporter;
 
 // ---- JSON ---------------------------------------------------------------------------------------
@@ -356,13 +357,14 @@ static hw_status add_ground(exporter *e)
                                 {r->max.x, r->max.y, r->min.z},
                                 {r->min.x, r->max.y, r->min.z}};
     memcpy(e->ground_corners, corners, sizeof corners);
+    memcpy(e->ground_indices, indices, sizeof indices);
     for (int i = 0; i < 4; i++)
         e->ground_normals[i] = hw_v3(0, 0, 1);
     hw_mesh quad = {.vertex_count = 4,
                     .index_count = 6,
                     .positions = e->ground_corners,
                     .normals = e->ground_normals,
-                    .indices = (uint32_t *)(uintptr_t)indices};
+                    .indices = e->ground_indices};
     cJSON *primitive;
     uint32_t material = (uint32_t)cJSON_GetArraySize(e->materials);
     add_mesh(e, HW_GROUND_NAME, material, NULL, &primitive);
@@ -382,7 +384,7 @@ static void add_object(exporter *e, const hw_object *object)
     cJSON *node = append(e, e->nodes);
     put_name(e, node, e->scene->meshes[object->mesh_idx].name);
     put_number(e, node, "mesh", (double)(found - e->pairs));
-    if (memcmp(&identity, &object->transform, sizeof identity) != 0)
+    if (memcmp(identity.m, object->transform.m, sizeof identity.m) != 0)
         put_numbers(e, node, "matrix", object->transform.m, 16);
 }
 

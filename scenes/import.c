@@ -36,7 +36,7 @@ static uint8_t to_byte(float c)
 {
     if (!(c > 0))
         return 0;
-    return c < 1 ? (uint8_t)(c * 255 + 0.5f) : 255;
+    return c < 1 ? (uint8_t)lroundf(c * 255) : 255;
 }
 
 static hw_status copy_colors(const struct aiMesh *source, hw_mesh *out)

@@ -207,10 +207,14 @@ static hw_status obj_line(const char *path, hw_words *w, obj_counts *now, const 
             return fail_line(path, w, "too few numbers");
     if (!word_is(word, length, "f"))
         return HW_OK;
-    while (hw_words_get(w, &word, &length))
-        if (!word_is(word, length, "\\") && !obj_corner(word, length, now, total))
+    int corners = 0;
+    bool more = false; // a line that ends in a backslash goes on
+    for (; hw_words_get(w, &word, &length); corners += corners < 3) {
+        more = word_is(word, length, "\\");
+        if (!more && !obj_corner(word, length, now, total))
             return fail_line(path, w, "a face's index is malformed or out of range");
-    return HW_OK;
+    }
+    return corners == 3 || more ? HW_OK : fail_line(path, w, "a face without three corners");
 }
 
 hw_status hw_check_obj(const hw_model_bytes *file)

@@ -1,5 +1,6 @@
 #include "triangulate.h"
 #include <assert.h>
+#include <string.h>
 
 typedef struct point2 {
     double x, y;
@@ -62,6 +63,10 @@ void hw_triangulate(const hw_vec3 *positions, const uint32_t *corners, uint32_t 
                     uint32_t *out)
 {
     assert(count >= 3 && count <= HW_POLYGON_MAX);
+    if (count == 3) {
+        memcpy(out, corners, 3 * sizeof *out);
+        return;
+    }
     point2 points[HW_POLYGON_MAX];
     uint32_t ring[HW_POLYGON_MAX];
     double n[3];

@@ -1,5 +1,5 @@
-// Image files and filtered texture look-ups: a C face on OpenImageIO (image_io.cpp is the only file
-// that includes it).
+// Image files and filtered texture look-ups: a C face on OpenImageIO
+// (openimageio/image_io.cpp is the only file that includes it), loaded on first use.
 #pragma once
 #include "image.h"
 

@@ -109,6 +109,9 @@ static void make_manifests(const char *folder)
         save_all(folder, i, bytes, size);
         remove(path);
         hw_free(path);
+        must(hw_path_join(&path, folder, "build.json"));
+        remove(path);
+        hw_free(path);
         hw_free(bytes);
         hw_manifest_free(&manifest);
     }

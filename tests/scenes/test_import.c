@@ -1,0 +1,823 @@
+#include "bytes.h"
+#include "file.h"
+#include "image_io.h"
+#include "import.h"
+#include "log.h"
+#include "mesh_samples.h"
+#include <stdio.h>
+#include <unistd.h>
+
+// ---- Writing models -----------------------------------------------------------------------------
+
+static void put_text(hw_bytes_writer *w, const char *text)
+{
+    hw_put_bytes(w, text, strlen(text));
+}
+
+static void HW_PRINTF(2, 3) put_format(hw_bytes_writer *w, const char *format, ...)
+{
+    char line[256];
+    va_list args;
+    va_start(args, format);
+    int n = vsnprintf(line, sizeof line, format, args);
+    va_end(args);
+    assert_true(n >= 0 && (size_t)n < sizeof line);
+    hw_put_bytes(w, line, (size_t)n);
+}
+
+// Without hw_file_write's fsync, or the one that some file systems do for a truncated file: some
+// tests write thousands of files.
+static void spill(const char *path, const void *data, size_t size)
+{
+    (void)unlink(path);
+    FILE *file = fopen(path, "wb");
+    assert_non_null(file);
+    assert_int_equal(size ? fwrite(data, 1, size, file) : 0, size);
+    assert_int_equal(fclose(file), 0);
+}
+
+// Writes the file and empties the writer.
+static void save(hw_bytes_writer *w, const char *path)
+{
+    assert_ok(hw_bytes_writer_check(w));
+    spill(path, w->data, w->size);
+    hw_bytes_writer_free(w);
+    *w = (hw_bytes_writer){0};
+}
+
+static void save_text(const char *path, const char *text)
+{
+    spill(path, text, strlen(text));
+}
+
+static void put_off(hw_bytes_writer *w)
+{
+    hw_mesh m = sample_octahedron();
+    put_text(w, "OFF\n6 8 0\n");
+    for (uint32_t i = 0; i < 6; i++)
+        put_format(w, "%g %g %g\n", m.positions[i].x, m.positions[i].y, m.positions[i].z);
+    for (uint32_t i = 0; i < 24; i += 3)
+        put_format(w, "3 %u %u %u\n", m.indices[i], m.indices[i + 1], m.indices[i + 2]);
+    hw_mesh_free(&m);
+}
+
+static void put_obj(hw_bytes_writer *w)
+{
+    hw_mesh m = sample_octahedron();
+    put_text(w, "# an octahedron\no stone\n");
+    for (uint32_t i = 0; i < 6; i++)
+        put_format(w, "v %g %g %g\n", m.positions[i].x, m.positions[i].y, m.positions[i].z);
+    for (uint32_t i = 0; i < 24; i += 3) // from 1, and the last one from the end
+        put_format(w, "f %u %u %d\n", m.indices[i] + 1, m.indices[i + 1] + 1,
+                   (int)m.indices[i + 2] - 6);
+    hw_mesh_free(&m);
+}
+
+typedef enum encoding { ASCII, LITTLE, BIG } encoding;
+
+static void put_value(hw_bytes_writer *w, const void *value, size_t size, encoding e)
+{
+    const uint8_t *bytes = value;
+    for (size_t i = 0; i < size; i++)
+        hw_put_u8(w, bytes[e == BIG ? size - 1 - i : i]);
+}
+
+static void put_ply(hw_bytes_writer *w, encoding e)
+{
+    static const char *const names[] = {"ascii", "binary_little_endian", "binary_big_endian"};
+    hw_mesh m = sample_octahedron();
+    put_format(w, "ply\nformat %s 1.0\ncomment made for a test\nelement vertex 6\n", names[e]);
+    put_text(w, "property float x\nproperty float y\nproperty float z\nproperty uchar red\n"
+                "property uchar green\nproperty uchar blue\nelement face 8\n"
+                "property list uchar int vertex_indices\nend_header\n");
+    for (uint32_t i = 0; i < 6; i++) {
+        hw_vec3 p = m.positions[i];
+        if (e == ASCII) {
+            put_format(w, "%g %g %g %u 128 0\n", p.x, p.y, p.z, 40 * i);
+            continue;
+        }
+        put_value(w, &p.x, 4, e);
+        put_value(w, &p.y, 4, e);
+        put_value(w, &p.z, 4, e);
+        uint8_t rgb[3] = {(uint8_t)(40 * i), 128, 0};
+        hw_put_bytes(w, rgb, 3);
+    }
+    for (uint32_t i = 0; i < 24; i += 3) {
+        const uint32_t *t = m.indices + i;
+        if (e == ASCII) {
+            put_format(w, "3 %u %u %u\n", t[0], t[1], t[2]);
+            continue;
+        }
+        hw_put_u8(w, 3);
+        for (int k = 0; k < 3; k++)
+            put_value(w, t + k, 4, e);
+    }
+    hw_mesh_free(&m);
+}
+
+static void put_stl(hw_bytes_writer *w, bool text)
+{
+    hw_mesh m = sample_octahedron();
+    char header[80] = "solid by name, yet binary";
+    if (text) {
+        put_text(w, "solid octahedron\n");
+    } else {
+        hw_put_bytes(w, header, sizeof header);
+        hw_put_u32(w, 8);
+    }
+    for (uint32_t i = 0; i < 24; i += 3) {
+        if (text)
+            put_text(w, "facet normal 0 0 0\nouter loop\n");
+        for (int k = 0; !text && k < 3; k++)
+            hw_put_f32(w, 0);
+        for (int k = 0; k < 3; k++) {
+            hw_vec3 p = m.positions[m.indices[i + k]];
+            if (text)
+                put_format(w, "vertex %g %g %g\n", p.x, p.y, p.z);
+            else
+                hw_put_bytes(w, &p, sizeof p);
+        }
+        if (text)
+            put_text(w, "endloop\nendfacet\n");
+        else
+            hw_put_u16(w, 0);
+    }
+    if (text)
+        put_text(w, "endsolid octahedron\n");
+    hw_mesh_free(&m);
+}
+
+// A 3DS chunk's header; returns where its length is to be set.
+static size_t begin_chunk(hw_bytes_writer *w, uint16_t tag)
+{
+    hw_put_u16(w, tag);
+    hw_put_u32(w, 0);
+    return w->size - 6;
+}
+
+static void end_chunk(hw_bytes_writer *w, size_t begin)
+{
+    uint32_t length = (uint32_t)(w->size - begin);
+    memcpy(w->data + begin + 2, &length, 4);
+}
+
+static void put_3ds(hw_bytes_writer *w)
+{
+    hw_mesh m = sample_octahedron();
+    size_t all = begin_chunk(w, 0x4d4d), edit = begin_chunk(w, 0x3d3d);
+    size_t object = begin_chunk(w, 0x4000);
+    hw_put_bytes(w, "thing", 6);
+    size_t mesh = begin_chunk(w, 0x4100), vertices = begin_chunk(w, 0x4110);
+    hw_put_u16(w, 6);
+    for (uint32_t i = 0; i < 6; i++) { // taller than wide: up shows
+        hw_vec3 p = hw_v3(m.positions[i].x, m.positions[i].y, 3 * m.positions[i].z);
+        hw_put_bytes(w, &p, sizeof p);
+    }
+    end_chunk(w, vertices);
+    size_t faces = begin_chunk(w, 0x4120);
+    hw_put_u16(w, 8);
+    for (uint32_t i = 0; i < 24; i++) {
+        hw_put_u16(w, (uint16_t)m.indices[i]);
+        if (i % 3 == 2)
+            hw_put_u16(w, 7); // all edges visible
+    }
+    end_chunk(w, faces);
+    end_chunk(w, mesh);
+    end_chunk(w, object);
+    end_chunk(w, edit);
+    end_chunk(w, all);
+    hw_mesh_free(&m);
+}
+
+static void put_glb(hw_bytes_writer *w, const char *json, const void *bin, size_t bin_bytes)
+{
+    size_t json_bytes = strlen(json), padded = (json_bytes + 3) & ~(size_t)3;
+    assert_int_equal(bin_bytes % 4, 0);
+    hw_put_u32(w, 0x46546c67);
+    hw_put_u32(w, 2);
+    hw_put_u32(w, (uint32_t)(12 + 8 + padded + 8 + bin_bytes));
+    hw_put_u32(w, (uint32_t)padded);
+    hw_put_u32(w, 0x4e4f534a);
+    hw_put_bytes(w, json, json_bytes);
+    hw_put_bytes(w, "   ", padded - json_bytes);
+    hw_put_u32(w, (uint32_t)bin_bytes);
+    hw_put_u32(w, 0x004e4942);
+    hw_put_bytes(w, bin, bin_bytes);
+}
+
+// One triangle (0,0,0) (1,0,0) (0,1,0), with indices; the rest of the document is the test's.
+typedef struct triangle_bin {
+    hw_vec3 positions[3];
+    uint32_t indices[3];
+} triangle_bin;
+static const triangle_bin triangle = {{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, {0, 1, 2}};
+
+#define TRIANGLE_JSON                                                                              \
+    "\"asset\":{\"version\":\"2.0\"},\"scene\":0,"                                                 \
+    "\"buffers\":[{\"byteLength\":48}],"                                                           \
+    "\"bufferViews\":[{\"buffer\":0,\"byteLength\":36},"                                           \
+    "{\"buffer\":0,\"byteOffset\":36,\"byteLength\":12}],"                                         \
+    "\"accessors\":[{\"bufferView\":0,\"componentType\":5126,\"count\":3,\"type\":\"VEC3\","       \
+    "\"min\":[0,0,0],\"max\":[1,1,0]},"                                                            \
+    "{\"bufferView\":1,\"componentType\":5125,\"count\":3,\"type\":\"SCALAR\"}]"
+#define PRIMITIVE "{\"attributes\":{\"POSITION\":0},\"indices\":1}"
+
+static void save_triangle(const char *path, const char *rest)
+{
+    hw_bytes_writer w = {0}, json = {0};
+    put_text(&json, "{" TRIANGLE_JSON ",");
+    put_text(&json, rest);
+    put_text(&json, "}");
+    hw_put_u8(&json, 0);
+    put_glb(&w, (const char *)json.data, &triangle, sizeof triangle);
+    save(&w, path);
+    hw_bytes_writer_free(&json);
+}
+
+// ---- Formats ------------------------------------------------------------------------------------
+
+static void assert_octahedron(const char *path)
+{
+    hw_scene scene;
+    hw_mesh mesh;
+    assert_ok(hw_scene_import(path, &scene));
+    assert_string_equal(scene.path, path);
+    assert_int_equal(scene.mesh_count, 1);
+    assert_int_equal(scene.object_count, 1);
+    assert_int_equal(scene.material_count, 1);
+    assert_int_equal(hw_scene_triangle_count(&scene), 8);
+    assert_false(scene.ground.present);
+    assert_int_equal(scene.meshes[0].vertex_count, 6); // welded
+    assert_close(hw_mesh_volume(&scene.meshes[0]), 4.0 / 3, 1e-6);
+    for (int k = 0; k < 3; k++)
+        assert_close(scene.materials[0].base_color[k], 1, 0);
+    for (uint32_t i = 0; i < 6; i++) { // smooth normals
+        hw_vec3 d = hw_v3_sub(scene.meshes[0].normals[i], scene.meshes[0].positions[i]);
+        assert_true(hw_v3_length(d) < 1e-6f);
+    }
+    hw_box box = scene.objects[0].bounds;
+    assert_true(box.min.x == -1 && box.max.x == 1 && box.min.z == -1 && box.max.z == 1);
+    hw_scene_free(&scene);
+
+    assert_ok(hw_mesh_import(path, &mesh));
+    assert_int_equal(mesh.vertex_count, 6);
+    assert_int_equal(mesh.index_count, 24);
+    assert_null(mesh.normals);
+    assert_close(hw_mesh_volume(&mesh), 4.0 / 3, 1e-6);
+    hw_mesh_free(&mesh);
+}
+
+static void test_formats(void **state)
+{
+    (void)state;
+    hw_bytes_writer w = {0};
+    put_off(&w);
+    save(&w, "import_a.off");
+    put_obj(&w);
+    save(&w, "import_a.obj");
+    put_ply(&w, ASCII);
+    save(&w, "import_a.ply");
+    put_ply(&w, LITTLE);
+    save(&w, "import_le.ply");
+    put_ply(&w, BIG);
+    save(&w, "import_be.ply");
+    put_stl(&w, true);
+    save(&w, "import_a.stl");
+    put_stl(&w, false);
+    save(&w, "import_b.STL");
+    static const char *const paths[] = {"import_a.off",  "import_a.obj",  "import_a.ply",
+                                        "import_le.ply", "import_be.ply", "import_a.stl",
+                                        "import_b.STL"};
+    for (size_t i = 0; i < sizeof paths / sizeof *paths; i++)
+        assert_octahedron(paths[i]);
+}
+
+static void test_3ds_stands_as_in_the_file(void **state)
+{
+    (void)state;
+    hw_bytes_writer w = {0};
+    put_3ds(&w);
+    save(&w, "import_a.3ds");
+    hw_mesh mesh;
+    assert_ok(hw_mesh_import("import_a.3ds", &mesh));
+    assert_int_equal(mesh.vertex_count, 6);
+    assert_close(hw_mesh_volume(&mesh), 4, 1e-5);
+    hw_box box = hw_mesh_bounds(&mesh);
+    assert_close(box.max.z, 3, 1e-6);
+    assert_close(box.max.y, 1, 1e-6);
+    hw_mesh_free(&mesh);
+}
+
+static void test_ply_colors(void **state)
+{
+    (void)state;
+    hw_bytes_writer w = {0};
+    for (int e = ASCII; e <= BIG; e++) {
+        put_ply(&w, (encoding)e);
+        save(&w, "import_colors.ply");
+        hw_mesh mesh;
+        assert_ok(hw_mesh_import("import_colors.ply", &mesh));
+        assert_non_null(mesh.colors);
+        for (uint32_t i = 0; i < 6; i++) {
+            hw_color8 c = mesh.colors[i];
+            assert_true(c.r == 40 * i && c.g == 128 && c.b == 0 && c.a == 255);
+        }
+        hw_mesh_free(&mesh);
+    }
+}
+
+static void test_off_oddities(void **state)
+{
+    (void)state;
+    // Comments everywhere, counts on the first line, colours of faces, missing edge count.
+    save_text("import_odd.off", "# a comment\nCOFF 4 2\n# another\n\n0 0 0 255 0 51#red\n"
+                                "1 0 0 255 0 51 255 # more\n0 1 0 255 0 51\n1 1 0 1 0 0\n"
+                                "# faces\n3  0 1 2  0.5 0.5 0.5\n\n#\n3 1 3 2\n# end");
+    hw_mesh mesh;
+    assert_ok(hw_mesh_import("import_odd.off", &mesh));
+    assert_int_equal(mesh.index_count, 6);
+    assert_int_equal(mesh.vertex_count, 4);
+    assert_non_null(mesh.colors);
+    assert_true(mesh.colors[0].r == 255 && mesh.colors[0].g == 0 && mesh.colors[0].b == 51);
+    hw_mesh_free(&mesh);
+    save_text("import_odd.off", "COFF\n3 1 0\n0 0 0 0.2 0.4 1.0\n1 0 0 0.2 0.4 1.0\n"
+                                "0 1 0 0.2 0.4 1.0\n3 0 1 2\n");
+    assert_ok(hw_mesh_import("import_odd.off", &mesh));
+    assert_true(mesh.colors[1].r == 51 && mesh.colors[1].g == 102 && mesh.colors[1].b == 255);
+    hw_mesh_free(&mesh);
+}
+
+static double mesh_area(const hw_mesh *mesh)
+{
+    double area = 0;
+    for (uint32_t i = 0; i < mesh->index_count; i += 3) {
+        hw_vec3 a = mesh->positions[mesh->indices[i]], b = mesh->positions[mesh->indices[i + 1]];
+        hw_vec3 c = mesh->positions[mesh->indices[i + 2]];
+        hw_vec3 n = hw_v3_cross(hw_v3_sub(b, a), hw_v3_sub(c, a));
+        assert_true(n.z > 0); // all wound as the polygon
+        area += 0.5 * (double)hw_v3_length(n);
+    }
+    return area;
+}
+
+static void test_polygons(void **state)
+{
+    (void)state;
+    // A comb: concave, area 7 + 4 x 3 = 19.
+    save_text("import_comb.obj", "v 0 0 0\nv 7 0 0\nv 7 4 0\nv 6 4 0\nv 6 1 0\nv 5 1 0\nv 5 4 0\n"
+                                 "v 4 4 0\nv 4 1 0\nv 3 1 0\nv 3 4 0\nv 2 4 0\nv 2 1 0\nv 1 1 0\n"
+                                 "v 1 4 0\nv 0 4 0\nf 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16\n");
+    hw_mesh mesh;
+    assert_ok(hw_mesh_import("import_comb.obj", &mesh));
+    assert_int_equal(mesh.index_count, 3 * 14);
+    assert_close(mesh_area(&mesh), 19, 1e-5);
+    hw_mesh_free(&mesh);
+
+    hw_bytes_writer w = {0};
+    for (int i = 0; i < 1200; i++)
+        put_format(&w, "v %g %g 0\n", cos(i * HW_PI / 600), sin(i * HW_PI / 600));
+    put_text(&w, "f");
+    for (int i = 0; i < 1200; i++)
+        put_format(&w, " %d", i + 1);
+    put_text(&w, "\n");
+    save(&w, "import_round.obj");
+    assert_int_equal(hw_mesh_import("import_round.obj", &mesh), HW_LIMIT);
+}
+
+// ---- Materials ----------------------------------------------------------------------------------
+
+static void test_obj_materials(void **state)
+{
+    (void)state;
+    hw_image image;
+    assert_ok(hw_image_make(&image, 2, 2, 3));
+    for (int i = 0; i < 12; i++)
+        image.data[i] = (uint8_t)(20 * i);
+    assert_ok(hw_dir_make("import_textures"));
+    assert_ok(hw_image_write("import_textures/check board.png", &image));
+    save_text("import_mat.mtl", "newmtl red\nKd 1 0.25 0.5\nnewmtl board\nKd 1 1 1\n"
+                                "map_Kd import_textures\\check board.png\n"
+                                "newmtl lost\nKd 0.5 0.5 0.5\nmap_Kd nowhere.png\n");
+    save_text("import_mat.obj", "mtllib import_mat.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 5 5 5\n"
+                                "vt 0 0\nvt 1 0\nvt 0 1\n"
+                                "o one\nusemtl red\nf 1/1 2/2 3/3\n"
+                                "o two\nusemtl board\nf 1/1 2/2 4/3\n"
+                                "o three\nusemtl lost\nf 2/1 3/2 4/3\n");
+    hw_scene scene;
+    assert_ok(hw_scene_import("import_mat.obj", &scene)); // the lost texture is only a warning
+    assert_int_equal(scene.object_count, 3);
+    assert_int_equal(scene.material_count, 3);
+    const hw_material *red = &scene.materials[scene.objects[0].material_idx];
+    assert_true(red->base_color[0] == 1 && red->base_color[1] == 0.25f);
+    assert_null(red->texture.data);
+    const hw_material *board = &scene.materials[scene.objects[1].material_idx];
+    assert_string_equal(board->name, "board");
+    assert_int_equal(board->texture.width, 2);
+    assert_memory_equal(board->texture.data, image.data, 12);
+    assert_null(scene.materials[scene.objects[2].material_idx].texture.data);
+    const hw_mesh *mesh = &scene.meshes[scene.objects[1].mesh_idx];
+    for (uint32_t i = 0; i < 3; i++) // an OBJ's v runs upward, ours downward
+        if (mesh->positions[i].x == 0 && mesh->positions[i].y == 0)
+            assert_true(mesh->uvs[i].u == 0 && mesh->uvs[i].v == 1);
+    hw_scene_free(&scene);
+    hw_image_free(&image);
+}
+
+// ---- glTF ---------------------------------------------------------------------------------------
+
+static void test_gltf_turns_upright(void **state)
+{
+    (void)state;
+    save_triangle("import_up.glb",
+                  "\"scenes\":[{\"nodes\":[0]}],\"meshes\":[{\"primitives\":[" PRIMITIVE
+                  "]}],\"nodes\":[{\"mesh\":0,"
+                  "\"translation\":[10,20,30]}]");
+    hw_mesh mesh;
+    assert_ok(hw_mesh_import("import_up.glb", &mesh));
+    // (x, y, z) becomes (x, -z, y): the triangle's third corner stands above the first.
+    assert_true(mesh.positions[0].x == 10 && mesh.positions[0].y == -30 &&
+                mesh.positions[0].z == 20);
+    assert_true(mesh.positions[2].x == 10 && mesh.positions[2].y == -30 &&
+                mesh.positions[2].z == 21);
+    hw_mesh_free(&mesh);
+}
+
+static void test_gltf_instances(void **state)
+{
+    (void)state;
+    // Two glTF meshes with the same arrays and different materials, each placed twice, in a tree;
+    // one object scaled to nothing; a ground.
+    save_triangle(
+        "import_tree.glb",
+        "\"scenes\":[{\"nodes\":[0]}],"
+        "\"materials\":[{\"pbrMetallicRoughness\":{\"baseColorFactor\":[0.5,0.25,1,1]}},{}],"
+        "\"meshes\":[{\"name\":\"a\",\"primitives\":[{\"attributes\":{\"POSITION\":0},\"indices\":"
+        "1,"
+        "\"material\":0}]},{\"name\":\"b\",\"primitives\":[{\"attributes\":{\"POSITION\":0},"
+        "\"indices\":1,\"material\":1}]}],"
+        "\"nodes\":[{\"children\":[1,2,3,4],\"scale\":[2,2,2]},{\"mesh\":0},"
+        "{\"mesh\":1,\"translation\":[5,0,0],\"children\":[5]},"
+        "{\"mesh\":0,\"scale\":[1,0,1]},"
+        "{\"mesh\":0,\"name\":\"" HW_GROUND_NAME "\",\"rotation\":[-0.70710678,0,0,0.70710678]},"
+        "{\"mesh\":1,\"translation\":[0,0,1]}]");
+    hw_scene scene;
+    assert_ok(hw_scene_import("import_tree.glb", &scene));
+    assert_int_equal(scene.mesh_count, 1); // equal geometry is one mesh
+    assert_int_equal(scene.material_count, 2);
+    assert_int_equal(scene.object_count, 3);
+    const hw_material *blue = &scene.materials[scene.objects[0].material_idx];
+    assert_true(blue->base_color[0] == 0.5f && blue->base_color[1] == 0.25f);
+    assert_true(scene.objects[1].material_idx != scene.objects[0].material_idx);
+    assert_int_equal(scene.objects[2].material_idx, scene.objects[1].material_idx);
+    hw_vec3 p = hw_mat4_point(&scene.objects[2].transform, hw_v3(1, 0, 0));
+    assert_true(p.x == 12 && p.y == -2 && p.z == 0); // (1+0+5) * 2, (0+1) * 2 turned
+    assert_close(scene.objects[2].bounds.max.z, 2, 1e-6);
+    assert_true(scene.ground.present);
+    assert_close(scene.ground.rect.max.x, 2, 1e-5);
+    assert_close(scene.ground.rect.max.y, 2, 1e-5);
+    assert_close(scene.ground.rect.max.z, scene.ground.rect.min.z, 0);
+    assert_close(scene.ground.color[1], 0.25, 0);
+    hw_scene_free(&scene);
+}
+
+static void test_gltf_mirrors(void **state)
+{
+    (void)state;
+    save_triangle("import_mirror.glb",
+                  "\"scenes\":[{\"nodes\":[0,1,2]}],\"meshes\":[{\"primitives\":[" PRIMITIVE
+                  "]}],\"nodes\":[{\"mesh\":0},{\"mesh\":0,\"scale\":[1,1,-1]},"
+                  "{\"mesh\":0,\"scale\":[-2,1,1]}]");
+    hw_scene scene;
+    assert_ok(hw_scene_import("import_mirror.glb", &scene));
+    assert_int_equal(scene.object_count, 3);
+    assert_int_equal(scene.mesh_count, 2); // the mesh and its mirror image
+    for (uint32_t i = 0; i < 3; i++) {
+        const double *m = scene.objects[i].transform.m;
+        double det = m[0] * (m[5] * m[10] - m[9] * m[6]) - m[4] * (m[1] * m[10] - m[9] * m[2]) +
+                     m[8] * (m[1] * m[6] - m[5] * m[2]);
+        assert_true(det > 0);
+    }
+    assert_close(scene.objects[2].bounds.min.x, -2, 1e-6);
+    assert_close(scene.objects[2].bounds.max.x, 0, 1e-6);
+    hw_scene_free(&scene);
+}
+
+static void test_gltf_drops_other_primitives_vertices(void **state)
+{
+    (void)state;
+    // A line and a triangle share three vertices and one more that only the line uses.
+    static const struct {
+        hw_vec3 positions[4];
+        uint32_t triangle[3], line[2];
+    } bin = {{{9, 9, 9}, {0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, {1, 2, 3}, {0, 1}};
+    const char *json =
+        "{\"asset\":{\"version\":\"2.0\"},\"scene\":0,\"scenes\":[{\"nodes\":[0]}],"
+        "\"nodes\":[{\"mesh\":0}],\"buffers\":[{\"byteLength\":68}],"
+        "\"bufferViews\":[{\"buffer\":0,\"byteLength\":48},{\"buffer\":0,\"byteOffset\":48,"
+        "\"byteLength\":12},{\"buffer\":0,\"byteOffset\":60,\"byteLength\":8}],"
+        "\"accessors\":[{\"bufferView\":0,\"componentType\":5126,\"count\":4,\"type\":\"VEC3\"},"
+        "{\"bufferView\":1,\"componentType\":5125,\"count\":3,\"type\":\"SCALAR\"},"
+        "{\"bufferView\":2,\"componentType\":5125,\"count\":2,\"type\":\"SCALAR\"}],"
+        "\"meshes\":[{\"primitives\":[{\"attributes\":{\"POSITION\":0},\"indices\":1},"
+        "{\"attributes\":{\"POSITION\":0},\"indices\":2,\"mode\":1}]}]}";
+    hw_bytes_writer w = {0};
+    put_glb(&w, json, &bin, sizeof bin);
+    save(&w, "import_line.glb");
+    hw_scene scene;
+    assert_ok(hw_scene_import("import_line.glb", &scene));
+    assert_int_equal(scene.object_count, 1);
+    assert_int_equal(scene.meshes[0].vertex_count, 3);
+    assert_close(scene.objects[0].bounds.max.x, 1, 1e-6);
+    hw_scene_free(&scene);
+}
+
+// ---- Bad input ----------------------------------------------------------------------------------
+
+// The import fails with `expected` (any failure if HW_OK), names the file first, and the cause.
+static void expect_refused(const char *path, hw_status expected, const char *cause)
+{
+    hw_scene scene;
+    hw_mesh mesh;
+    hw_status status = hw_scene_import(path, &scene);
+    if (status == HW_OK)
+        fail_msg("%s was accepted", path);
+    if (expected != HW_OK && status != expected)
+        fail_msg("%s: %s", hw_status_text(status), hw_error_text());
+    if (strncmp(hw_error_text(), path, strlen(path)) != 0 || !strstr(hw_error_text(), cause))
+        fail_msg("\"%s\" does not name %s and the cause (%s)", hw_error_text(), path, cause);
+    assert_true(scene.object_count == 0 && scene.meshes == NULL);
+    assert_int_equal(hw_mesh_import(path, &mesh), status);
+    assert_null(mesh.positions);
+}
+
+static void test_bad_files(void **state)
+{
+    (void)state;
+    (void)unlink("import_missing.ply");
+    expect_refused("import_missing.ply", HW_NOT_FOUND, "");
+    expect_refused("import_missing.glb", HW_NOT_FOUND, "");
+    assert_ok(hw_dir_make("import_folder.obj"));
+    expect_refused("import_folder.obj", HW_IO, "");
+    static const char *const empty[] = {"import_e.ply",  "import_e.off", "import_e.obj",
+                                        "import_e.stl",  "import_e.3ds", "import_e.glb",
+                                        "import_e.gltf", "import_e.xyz"};
+    for (size_t i = 0; i < sizeof empty / sizeof *empty; i++) {
+        save_text(empty[i], "");
+        expect_refused(empty[i], HW_FORMAT, "empty");
+        save_text(empty[i], "Dear reader, this is a letter and no model of anything.\n");
+        expect_refused(empty[i], HW_FORMAT, "");
+    }
+}
+
+static void test_bad_text_models(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *path, *text, *cause;
+    } cases[] = {
+        {"import_x.obj", "v 0 0 0\nv 1 0 0\nv nan 1 0\nf 1 2 3\n", "NaN"},
+        {"import_x.obj", "v 0 0 0\nv 1 0 0\nv 0 inf 0\nf 1 2 3\n", "infinite"},
+        {"import_x.obj", "v 0 0 0\nv 1 0 0\nv 0 1e12 0\nf 1 2 3\n", "beyond"},
+        {"import_x.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n", "line 4"},
+        {"import_x.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 -4\n", "line 4"},
+        {"import_x.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 0\n", "line 4"},
+        {"import_x.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/1 2/1 3/1\n", "line 4"},
+        {"import_x.obj", "v 0 0 0\nv 1 0\nv 0 1 0\nf 1 2 3\n", "line 2"},
+        {"import_x.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n", "no triangle"},
+        {"import_x.obj", "v 0 0 0\nv 1 0 0\nf 1 2\n", "line 3"},
+        {"import_x.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 nan 0\n3 0 1 2\n", "NaN"},
+        {"import_x.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n", "index 3 out of range"},
+        {"import_x.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 -1\n", "index -1 out of range"},
+        {"import_x.off", "OFF\n3 2 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", "truncated"},
+        {"import_x.off", "OFF\n4000000000 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", "truncated"},
+        {"import_x.off", "OFF\n3 4000000000 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", "truncated"},
+        {"import_x.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n400000000 0 1 2\n", "fewer indices"},
+        {"import_x.off", "OFF\n3 0 0\n0 0 0\n1 0 0\n0 1 0\n", "no triangle"},
+        {"import_x.off", "4OFF\n3 1 0\n0 0 0 1\n1 0 0 1\n0 1 0 1\n3 0 1 2\n", "dimensions"},
+        {"import_x.ply",
+         "ply\nformat ascii 1.0\nelement vertex 4000000000\nproperty float x\nproperty float y\n"
+         "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+         "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
+         "line 13"},
+        {"import_x.ply",
+         "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+         "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+         "0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n",
+         "index 3 out of range"},
+        {"import_x.ply",
+         "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+         "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+         "0 0 0\n1 0 0\n0 1 nan\n3 0 1 2\n",
+         "NaN"},
+        {"import_x.ply",
+         "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+         "property float z\nend_header\n0 0 0\n1 0 0\n0 1 0\n",
+         "no triangle"},
+        {"import_x.ply",
+         "ply\nformat binary_little_endian 1.0\nelement vertex 4000000000\nproperty float x\n"
+         "property float y\nproperty float z\nelement face 4000000000\n"
+         "property list uchar int vertex_indices\nend_header\nabc",
+         "truncated"},
+        {"import_x.ply", "ply\nformat ascii 2.0 or so\nelement vertex\n", "line 3"},
+        {"import_x.stl", "solid a\nendsolid a\n", "no triangle"},
+        {"import_x.stl",
+         "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex nan 1 0\n"
+         "endloop\nendfacet\nendsolid a\n",
+         "NaN"},
+        {"import_x.gltf", "{\"asset\":{\"version\":\"1.0\"}}", "version"},
+        {"import_x.gltf", "{\"asset\":{\"version\":\"2.0\"}}", "no triangle"},
+        {"import_x.gltf", "{\"asset\":{\"version\":\"2.0\"},\"meshes\":[{}]", "JSON"},
+        {"import_x.gltf",
+         "{\"asset\":{\"version\":\"2.0\"},\"buffers\":[{\"byteLength\":9,\"uri\":\"no.bin\"}]}",
+         "no.bin is missing"},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        save_text(cases[i].path, cases[i].text);
+        expect_refused(cases[i].path, HW_OK, cases[i].cause);
+    }
+}
+
+static void expect_refused_glb(const char *rest, const char *cause)
+{
+    save_triangle("import_x.glb", rest);
+    expect_refused("import_x.glb", HW_OK, cause);
+}
+
+static void test_bad_gltf(void **state)
+{
+    (void)state;
+#define SCENE "\"scenes\":[{\"nodes\":[0]}],\"meshes\":[{\"primitives\":[" PRIMITIVE "]}],"
+    expect_refused_glb(SCENE "\"nodes\":[{\"mesh\":1}]", "mesh is out of range");
+    expect_refused_glb(SCENE "\"nodes\":[{\"mesh\":0,\"children\":[0]}]", "cycle");
+    expect_refused_glb(SCENE "\"nodes\":[{\"children\":[1]},{\"children\":[0],\"mesh\":0}]",
+                       "cycle");
+    expect_refused_glb(SCENE "\"nodes\":[{\"children\":[1,1]},{\"mesh\":0}]", "parent");
+    expect_refused_glb(SCENE "\"nodes\":[{\"children\":[7]},{\"mesh\":0}]", "child");
+    expect_refused_glb(SCENE "\"nodes\":[{\"mesh\":0,\"matrix\":[1,2]}]", "transform");
+    expect_refused_glb(SCENE "\"nodes\":[{\"mesh\":0,\"scale\":[1e30,1e30,1e30]}]", "");
+    expect_refused_glb(SCENE "\"nodes\":[{\"mesh\":0,\"scale\":[1e39,1,1]}]", "");
+    expect_refused_glb(SCENE "\"nodes\":[{}]", "no triangle");
+    expect_refused_glb("\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"mesh\":0}],"
+                       "\"meshes\":[{\"primitives\":[{\"attributes\":{\"POSITION\":2}}]}]",
+                       "without positions");
+    expect_refused_glb("\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"mesh\":0}],"
+                       "\"meshes\":[{\"primitives\":[{\"attributes\":{\"POSITION\":1}}]}]",
+                       "three floats");
+    expect_refused_glb(SCENE "\"nodes\":[{\"mesh\":0}],"
+                             "\"extensionsRequired\":[\"KHR_draco_mesh_compression\"]",
+                       "KHR_draco_mesh_compression");
+    expect_refused_glb(SCENE "\"nodes\":[{\"mesh\":0}],\"images\":[{\"bufferView\":0,"
+                             "\"mimeType\":\"picture\"}]",
+                       "media type");
+#undef SCENE
+}
+
+static void test_gltf_index_out_of_range(void **state)
+{
+    (void)state;
+    triangle_bin bad = triangle;
+    bad.indices[1] = 3;
+    hw_bytes_writer w = {0};
+    put_glb(&w,
+            "{" TRIANGLE_JSON ",\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"mesh\":0}],"
+            "\"meshes\":[{\"primitives\":[" PRIMITIVE "]}]}",
+            &bad, sizeof bad);
+    save(&w, "import_x.glb");
+    expect_refused("import_x.glb", HW_FORMAT, "index 3 out of range");
+    bad = triangle;
+    bad.positions[2].y = NAN;
+    put_glb(&w,
+            "{" TRIANGLE_JSON ",\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"mesh\":0}],"
+            "\"meshes\":[{\"primitives\":[" PRIMITIVE "]}]}",
+            &bad, sizeof bad);
+    save(&w, "import_x.glb");
+    expect_refused("import_x.glb", HW_FORMAT, "NaN");
+}
+
+static void test_zero_area(void **state)
+{
+    (void)state;
+    // Kept in a scene; nothing is left of it as a clean mesh.
+    save_text("import_flat.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n");
+    hw_scene scene;
+    hw_mesh mesh;
+    assert_ok(hw_scene_import("import_flat.obj", &scene));
+    assert_int_equal(hw_scene_triangle_count(&scene), 1);
+    hw_scene_free(&scene);
+    assert_int_equal(hw_mesh_import("import_flat.obj", &mesh), HW_FORMAT);
+    assert_non_null(strstr(hw_error_text(), "zero area"));
+}
+
+static void test_every_truncation(void **state)
+{
+    (void)state;
+    static const char *const paths[] = {"import_t.ply", "import_t.ply", "import_t.stl",
+                                        "import_t.stl", "import_t.3ds", "import_t.glb",
+                                        "import_t.off"};
+    for (int i = 0; i < 7; i++) {
+        hw_bytes_writer w = {0};
+        if (i < 2)
+            put_ply(&w, i ? LITTLE : ASCII);
+        else if (i < 4)
+            put_stl(&w, i == 2);
+        else if (i == 4)
+            put_3ds(&w);
+        else if (i == 5)
+            put_glb(&w,
+                    "{" TRIANGLE_JSON ",\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"mesh\":0}],"
+                    "\"meshes\":[{\"primitives\":[" PRIMITIVE "]}]}",
+                    &triangle, sizeof triangle);
+        else
+            put_off(&w);
+        // Text may lose its last newline, OFF and PLY even digits of the last index (3 0 4 5).
+        size_t complete = i == 0 || i == 2 || i == 6 ? w.size - 1 : w.size;
+        for (size_t n = 0; n < complete; n++) {
+            spill(paths[i], w.data, n);
+            if (i == 2 && n >= w.size - 12)
+                break; // "endsolid" is whole: only the name is missing
+            expect_refused(paths[i], HW_FORMAT, "");
+        }
+        hw_bytes_writer_free(&w);
+    }
+}
+
+static void test_random_damage(void **state)
+{
+    (void)state;
+    hw_bytes_writer w[3] = {{0}};
+    static const char *const paths[] = {"import_d.ply", "import_d.3ds", "import_d.glb"};
+    put_ply(&w[0], LITTLE);
+    put_3ds(&w[1]);
+    put_glb(&w[2],
+            "{" TRIANGLE_JSON ",\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"mesh\":0}],"
+            "\"meshes\":[{\"primitives\":[" PRIMITIVE "]}]}",
+            &triangle, sizeof triangle);
+    hw_rng rng = hw_rng_make(11, 0);
+    for (int i = 0; i < 600; i++) {
+        hw_bytes_writer *f = &w[i % 3];
+        size_t at = hw_rng_below(&rng, (uint32_t)f->size);
+        uint8_t kept = f->data[at];
+        f->data[at] = (uint8_t)hw_rng_u32(&rng);
+        spill(paths[i % 3], f->data, f->size);
+        hw_scene scene;
+        if (hw_scene_import(paths[i % 3], &scene) == HW_OK) // then what came in is sound
+            assert_ok(hw_scene_validate(&scene));
+        hw_scene_free(&scene);
+        f->data[at] = kept;
+    }
+    for (int i = 0; i < 3; i++)
+        hw_bytes_writer_free(&w[i]);
+}
+
+static void test_every_allocation_may_fail(void **state)
+{
+    (void)state;
+    save_triangle("import_alloc.glb",
+                  "\"scenes\":[{\"nodes\":[0,1]}],\"meshes\":[{\"primitives\":[" PRIMITIVE
+                  "]}],\"nodes\":[{\"mesh\":0},{\"mesh\":0,"
+                  "\"scale\":[-1,1,1]}]");
+    hw_status status = HW_MEMORY;
+    uint64_t n = 0;
+    while (status != HW_OK) {
+        hw_scene scene;
+        hw_alloc_fail_after(++n);
+        status = hw_scene_import("import_alloc.glb", &scene);
+        hw_alloc_fail_after(0);
+        if (status != HW_OK && status != HW_MEMORY)
+            fail_msg("%s", hw_error_text());
+        hw_scene_free(&scene);
+    }
+    assert_true(n > 20);
+}
+
+static int quiet(void **state)
+{
+    (void)state;
+    hw_log_set_quiet(true);
+    return 0;
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_formats),
+        cmocka_unit_test(test_3ds_stands_as_in_the_file),
+        cmocka_unit_test(test_ply_colors),
+        cmocka_unit_test(test_off_oddities),
+        cmocka_unit_test(test_polygons),
+        cmocka_unit_test(test_obj_materials),
+        cmocka_unit_test(test_gltf_turns_upright),
+        cmocka_unit_test(test_gltf_instances),
+        cmocka_unit_test(test_gltf_mirrors),
+        cmocka_unit_test(test_gltf_drops_other_primitives_vertices),
+        cmocka_unit_test(test_bad_files),
+        cmocka_unit_test(test_bad_text_models),
+        cmocka_unit_test(test_bad_gltf),
+        cmocka_unit_test(test_gltf_index_out_of_range),
+        cmocka_unit_test(test_zero_area),
+        cmocka_unit_test(test_every_truncation),
+        cmocka_unit_test(test_random_damage),
+        cmocka_unit_test(test_every_allocation_may_fail),
+    };
+    return cmocka_run_group_tests(tests, quiet, NULL);
+}
