@@ -42,7 +42,7 @@ hw_build_options hw_build_defaults(void)
         .z_max = 16,
         .near_error_px = 0.3,
         .far = {.policy = &hw_policy_screen,
-                .self_occlusion_px = 40,
+                .self_occlusion_px = 30,
                 .edge_length_px = 4.5,
                 .outline_px = 0.05,
                 .interior_px = 2,
@@ -98,6 +98,11 @@ static hw_status load_scene(build *b)
 {
     double start = hw_clock_ms();
     HW_TRY(hw_scene_import(b->options->scene_path, &b->scene));
+    double area = 0;
+    for (uint32_t i = 0; i < b->scene.mesh_count; i++)
+        area += hw_mesh_area(&b->scene.meshes[i]);
+    if (!(area > 0))
+        return hw_fail(HW_FORMAT, "%s: no triangle has an area", b->options->scene_path);
     b->scene_hash = hw_scene_hash(&b->scene);
     b->key = make_key(b);
     b->grid = make_grid(b);

@@ -18,7 +18,7 @@ typedef struct hw_build_options {
     const atomic_bool *stop;           // becomes true to stop soon with HW_INTERRUPTED; may be NULL
 } hw_build_options;
 
-// T_s 40, T_l 4.5, cell size 50, ...: what the measurements in the README were made with.
+// T_s 30, T_l 4.5, cell size 50, ...: what the measurements in the README were made with.
 hw_build_options hw_build_defaults(void);
 
 typedef struct hw_build_report {

@@ -184,6 +184,8 @@ hw_status hw_chain_make(const hw_mesh *mesh, const hw_chain_options *options, hw
     HW_GO(hw_mesh_copy(mesh, &out->levels[0]));
     out->infos[0] = (hw_mesh_level_info){.vertex_count = mesh->vertex_count, .index_count = mesh->index_count};
     out->level_count = 1;
+    if (!(hw_mesh_area(mesh) > 0))
+        return HW_OK; // nothing to simplify, measure or see
     HW_GO(hw_rays_create_mesh(&m.rays, mesh));
     HW_GO(hw_outline_create(&m.outline, mesh, OUTLINE_VIEWS, OUTLINE_RESOLUTION));
     HW_GO(HW_NEW(&m.importance, mesh->vertex_count));

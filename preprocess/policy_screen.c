@@ -89,8 +89,10 @@ static hw_status simplify(const hw_svmesh_job *job, hw_view_mesh *out)
 {
     hw_status status;
     selection s = {0};
-    double bound = job->options->outline_px * job->distance.effective / (job->view->focal_px * job->scale);
-    s.level = &job->chain->levels[hw_chain_level_by_silhouette(job->chain, bound)];
+    double pixel = job->distance.effective / (job->view->focal_px * job->scale); // of the effective distance, mesh units
+    uint32_t by_outline = hw_chain_level_by_silhouette(job->chain, job->options->outline_px * pixel);
+    uint32_t by_surface = hw_chain_level_by_error(job->chain, job->options->interior_px * pixel);
+    s.level = &job->chain->levels[by_outline < by_surface ? by_outline : by_surface];
     uint32_t front_indices = 0;
     HW_GO(HW_NEW(&s.facing, s.level->index_count / 3));
     HW_GO(HW_NEW(&s.local, s.level->vertex_count));

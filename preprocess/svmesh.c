@@ -7,6 +7,7 @@
 // Colours spread this far beyond an object's outline, so that filtering and simplified outlines never meet the background.
 #define DILATION_TEXELS 6u
 #define EXTENT_FACES 1000u
+#define QUANTUM_PX (1.0 / 32) // coarser steps show on silhouettes
 
 static const hw_svmesh_policy *const policies[] = {&hw_policy_screen, &hw_policy_thesis, NULL};
 
@@ -146,10 +147,24 @@ static void record_window(const hw_capture_window *w, hw_far_record *record)
     record->rect = (hw_rect){0, 0, w->width - 2 * HW_CAPTURE_PADDING, w->height - 2 * HW_CAPTURE_PADDING};
 }
 
-static uint16_t quantise(double value, double min, double max)
+// A 16-bit axis whose steps are a power of two as coarse as QUANTUM_PX allows: the low bits are zero and cost nothing in the file.
+typedef struct axis {
+    double min, max;
+    uint32_t step;
+} axis;
+
+static axis axis_make(double min, double max, double range_px)
 {
-    double q = (value - min) / (max - min) * 65535 + 0.5;
-    return (uint16_t)fmin(fmax(q, 0), 65535);
+    axis a = {min, max, 1};
+    while (a.step < 256 && range_px * 2 * a.step <= QUANTUM_PX * 65535)
+        a.step *= 2;
+    return a;
+}
+
+static uint16_t quantise(const axis *a, double value)
+{
+    double q = floor((value - a->min) / (a->max - a->min) * 65535 / a->step + 0.5) * a->step;
+    return (uint16_t)fmin(fmax(q, 0), 65535 / a->step * a->step);
 }
 
 static hw_status quantise_mesh(const hw_svmesh_job *job, const hw_view_mesh *mesh, hw_svmesh *out)
@@ -164,11 +179,13 @@ static hw_status quantise_mesh(const hw_svmesh_job *job, const hw_view_mesh *mes
     HW_GO(HW_NEW(&out->vertices, mesh->vertex_count));
     HW_GO(HW_NEW(&out->indices, mesh->index_count));
     HW_GO(HW_NEW(&remap, mesh->vertex_count));
+    axis x = axis_make(record->x_min, record->x_max, record->rect.width);
+    axis y = axis_make(record->y_min, record->y_max, record->rect.height);
+    axis z = axis_make(record->iz_min, record->iz_max, max[2] - min[2]);
     for (uint32_t v = 0; v < mesh->vertex_count; v++) {
         const double *p = mesh->positions[v];
-        out->vertices[v] = (hw_far_vertex){quantise(p[0] / focal, record->x_min, record->x_max),
-                                           quantise(p[1] / focal, record->y_min, record->y_max),
-                                           quantise(p[2] / parallax, record->iz_min, record->iz_max), 0};
+        out->vertices[v] = (hw_far_vertex){quantise(&x, p[0] / focal), quantise(&y, p[1] / focal),
+                                           quantise(&z, p[2] / parallax), 0};
     }
     // Vertices that fell together become one; faces that lost their area go.
     meshopt_generateVertexRemap(remap, mesh->indices, mesh->index_count, out->vertices, mesh->vertex_count,
@@ -184,7 +201,7 @@ static hw_status quantise_mesh(const hw_svmesh_job *job, const hw_view_mesh *mes
         out->indices[n++] = c;
     }
     meshopt_remapVertexBuffer(out->vertices, out->vertices, mesh->vertex_count, sizeof *out->vertices, remap);
-    meshopt_optimizeVertexCache(out->indices, out->indices, n, mesh->vertex_count);
+    meshopt_optimizeVertexCacheStrip(out->indices, out->indices, n, mesh->vertex_count); // packs best
     record->vertex_count = (uint32_t)meshopt_optimizeVertexFetch(out->vertices, out->indices, n, out->vertices,
                                                                  mesh->vertex_count, sizeof *out->vertices);
     record->index_count = n;

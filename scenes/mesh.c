@@ -128,6 +128,18 @@ hw_status hw_mesh_validate(const hw_mesh *mesh)
     return HW_OK;
 }
 
+double hw_mesh_area(const hw_mesh *mesh)
+{
+    double area = 0;
+    for (uint32_t i = 0; i < mesh->index_count; i += 3) {
+        const uint32_t *t = mesh->indices + i;
+        hw_vec3 a = mesh->positions[t[0]];
+        hw_vec3 n = hw_v3_cross(hw_v3_sub(mesh->positions[t[1]], a), hw_v3_sub(mesh->positions[t[2]], a));
+        area += (double)hw_v3_length(n) / 2;
+    }
+    return area;
+}
+
 double hw_mesh_volume(const hw_mesh *mesh)
 {
     // Tetrahedra from the box's centre: far from the origin, less is lost to cancellation.

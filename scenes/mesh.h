@@ -60,5 +60,7 @@ HW_MUST_USE hw_status hw_mesh_clean(hw_mesh *mesh);
 HW_MUST_USE hw_status hw_mesh_orient(hw_mesh *mesh);
 // Signed volume (of a closed mesh).
 double hw_mesh_volume(const hw_mesh *mesh);
+// Sum of the triangles' areas.
+double hw_mesh_area(const hw_mesh *mesh);
 // Transforms positions and normals in place (a mirror flips the winding).
 void hw_mesh_transform(hw_mesh *mesh, const hw_mat4 *matrix);

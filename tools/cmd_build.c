@@ -20,7 +20,7 @@ static uint32_t options(hw_option *out, uint32_t capacity)
         {"heights", 0, HW_OPTION_STRING, &heights, "MIN:MAX", NULL, 0, 0, "heights above the ground at which eyes may be"},
         {"policy", 0, HW_OPTION_CHOICE, &policy, "NAME", "screen|thesis", 0, 0, "how far objects are simplified"},
         {"self-occlusion", 0, HW_OPTION_DOUBLE, &self_occlusion, "PX", NULL, 0, 1e6,
-         "T_s, largest self-occluding error of a textured stand-in; 0 means 40 with the policy screen, 5 with thesis"},
+         "T_s, largest self-occluding error of a textured stand-in; 0 means 30 with the policy screen, 5 with thesis"},
         {"edge-length", 0, HW_OPTION_DOUBLE, &edge_length, "PX", NULL, 0, 1e6, "T_l of the policy thesis"},
         {"outline-error", 0, HW_OPTION_DOUBLE, &outline_error, "PX", NULL, 1e-4, 100, "mean outline deviation of far objects (policy screen)"},
         {"interior-error", 0, HW_OPTION_DOUBLE, &interior_error, "PX", NULL, 0, 100, "parallax error inside outlines (policy screen)"},
