@@ -180,11 +180,11 @@ hw_status hw_mesh_table_validate(const char *name, const hw_mesh_level_info *inf
             return hw_fail(HW_FORMAT, "%s: level %u: %u vertices and %u indices", name, i,
                            l->vertex_count, l->index_count);
         if (!error_is_fine(l->error_rms, i ? l[-1].error_rms : 0) ||
-            !error_is_fine(l->error_max, i ? l[-1].error_max : 0) ||
+            !error_is_fine(l->error_p99, i ? l[-1].error_p99 : 0) ||
             !error_is_fine(l->error_silhouette, 0) ||
-            (i == 0 && (l->error_rms > 0 || l->error_max > 0 || l->error_silhouette > 0)))
+            (i == 0 && (l->error_rms > 0 || l->error_p99 > 0 || l->error_silhouette > 0)))
             return hw_fail(HW_FORMAT, "%s: level %u: errors %g, %g, %g", name, i,
-                           (double)l->error_rms, (double)l->error_max, (double)l->error_silhouette);
+                           (double)l->error_rms, (double)l->error_p99, (double)l->error_silhouette);
     }
     return HW_OK;
 }
@@ -201,7 +201,7 @@ hw_status hw_mesh_table_encode(const hw_mesh_level_info *infos, uint32_t count, 
         hw_put_u32(&w, infos[i].vertex_count);
         hw_put_u32(&w, infos[i].index_count);
         hw_put_f32(&w, infos[i].error_rms);
-        hw_put_f32(&w, infos[i].error_max);
+        hw_put_f32(&w, infos[i].error_p99);
         hw_put_f32(&w, infos[i].error_silhouette);
     }
     hw_status status = hw_bytes_writer_check(&w);
@@ -232,7 +232,7 @@ hw_status hw_mesh_table_decode(const char *name, const uint8_t *bytes, size_t si
         infos[i].vertex_count = hw_get_u32(&r);
         infos[i].index_count = hw_get_u32(&r);
         infos[i].error_rms = hw_get_f32(&r);
-        infos[i].error_max = hw_get_f32(&r);
+        infos[i].error_p99 = hw_get_f32(&r);
         infos[i].error_silhouette = hw_get_f32(&r);
     }
     return hw_mesh_table_validate(name, infos, *count);

@@ -16,7 +16,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-// The grid is at least this many cell sizes wide and deep, so that one can walk round a lone statue.
+// The grid is at least this many cell sizes wide and deep, so that one can walk round a lone
+// statue.
 #define GRID_SIDE_MIN 5.0
 
 typedef struct build {
@@ -44,8 +45,8 @@ hw_build_options hw_build_defaults(void)
         .far = {.policy = &hw_policy_screen,
                 .self_occlusion_px = 30,
                 .edge_length_px = 4.5,
-                .outline_px = 0.05,
-                .interior_px = 2,
+                .outline_px = 0.055,
+                .interior_px = 2.5,
                 .capture_side_max = 1024,
                 .capture_samples = 2},
         .chain = {.face_floor = 40, .importance_floor = 0.05f, .pull_back = 0.25f},
@@ -89,9 +90,10 @@ static hw_hexgrid make_grid(const build *b)
     hw_box box = hw_scene_bounds(&b->scene);
     double ground = b->scene.ground.present ? b->scene.ground.rect.min.z : box.min.z;
     double least = GRID_SIDE_MIN * o->cell_size;
-    double grow_x = fmax(0, (least - (box.max.x - box.min.x)) / 2), grow_y = fmax(0, (least - (box.max.y - box.min.y)) / 2);
-    return hw_hexgrid_cover(box.min.x - grow_x, box.min.y - grow_y, box.max.x + grow_x, box.max.y + grow_y, o->cell_size,
-                            ground + o->z_min, ground + o->z_max);
+    double grow_x = fmax(0, (least - (box.max.x - box.min.x)) / 2),
+           grow_y = fmax(0, (least - (box.max.y - box.min.y)) / 2);
+    return hw_hexgrid_cover(box.min.x - grow_x, box.min.y - grow_y, box.max.x + grow_x,
+                            box.max.y + grow_y, o->cell_size, ground + o->z_min, ground + o->z_max);
 }
 
 static hw_status load_scene(build *b)
@@ -228,7 +230,8 @@ out:
 
 static bool in_shard(const build *b, uint32_t index)
 {
-    return b->options->shard_count <= 1 || index % b->options->shard_count == b->options->shard_index;
+    return b->options->shard_count <= 1 ||
+           index % b->options->shard_count == b->options->shard_index;
 }
 
 static hw_status make_cell(void *context, uint64_t index, uint32_t thread)
@@ -245,8 +248,9 @@ static hw_status make_cell(void *context, uint64_t index, uint32_t thread)
     if (hw_cell_is_current(path, b->key)) {
         atomic_fetch_add(&b->kept, 1);
     } else {
-        hw_cell_inputs inputs = {&b->scene,       b->chains, b->capturer, &b->grid, b->options->far,
-                                 b->options->near_error_px, b->key};
+        hw_cell_inputs inputs = {&b->scene, b->chains,       b->capturer,
+                                 &b->grid,  b->options->far, b->options->near_error_px,
+                                 b->key};
         HW_GO(hw_build_cell(&inputs, id, &cell));
         HW_GO(hw_cell_write(&cell, path));
         atomic_fetch_add(&b->made, 1);
@@ -292,19 +296,22 @@ out:
 // Adds up what the cell files hold; false if one is missing or of another build.
 static bool count_cell(build *b, hw_cell_id id, hw_manifest_cell *out)
 {
-    static const uint32_t mesh_tags[] = {HW_FOURCC('V', 'E', 'R', 'T'), HW_FOURCC('I', 'N', 'D', 'X')};
+    static const uint32_t mesh_tags[] = {HW_FOURCC('V', 'E', 'R', 'T'),
+                                         HW_FOURCC('I', 'N', 'D', 'X')};
     char *path = NULL;
     hw_container *container = NULL;
     size_t raw, stored;
     bool good = hw_cell_path(&path, b->options->dataset, id) == HW_OK &&
-                hw_container_open(&container, path, HW_CELL_MAGIC) == HW_OK && hw_container_key(container) == b->key;
+                hw_container_open(&container, path, HW_CELL_MAGIC) == HW_OK &&
+                hw_container_key(container) == b->key;
     if (good) {
         *out = (hw_manifest_cell){id, hw_container_bytes(container)};
         b->report->bytes += out->bytes;
         for (int i = 0; i < 2; i++)
             if (hw_container_chunk_size(container, mesh_tags[i], 0, &raw, &stored) == HW_OK)
                 b->report->mesh_bytes += stored;
-        if (hw_container_chunk_size(container, HW_FOURCC('A', 'T', 'L', 'S'), 0, &raw, &stored) == HW_OK)
+        if (hw_container_chunk_size(container, HW_FOURCC('A', 'T', 'L', 'S'), 0, &raw, &stored) ==
+            HW_OK)
             b->report->texture_bytes += stored;
     }
     hw_container_close(container);
@@ -319,10 +326,11 @@ static hw_status fill_objects(const build *b, hw_manifest *m)
     for (uint32_t i = 0; i < m->object_count; i++) {
         const hw_object *o = &b->scene.objects[i];
         const hw_material *material = &b->scene.materials[o->material_idx];
-        m->objects[i] = (hw_manifest_object){.mesh_idx = o->mesh_idx,
-                                             .transform = o->transform,
-                                             .bounds = o->bounds,
-                                             .texture_idx = b->texture_of_material[o->material_idx]};
+        m->objects[i] =
+            (hw_manifest_object){.mesh_idx = o->mesh_idx,
+                                 .transform = o->transform,
+                                 .bounds = o->bounds,
+                                 .texture_idx = b->texture_of_material[o->material_idx]};
         memcpy(m->objects[i].color, material->base_color, sizeof m->objects[i].color);
     }
     return HW_OK;

@@ -13,9 +13,10 @@ typedef struct hw_build_options {
     double near_error_px;
     hw_far_options far;
     hw_chain_options chain;
-    uint32_t threads;                  // 0 = default
-    uint32_t shard_index, shard_count; // this run makes every shard_count-th cell; count 0 or 1 = all
-    const atomic_bool *stop;           // becomes true to stop soon with HW_INTERRUPTED; may be NULL
+    uint32_t threads; // 0 = default
+    uint32_t shard_index,
+        shard_count;         // this run makes every shard_count-th cell; count 0 or 1 = all
+    const atomic_bool *stop; // becomes true to stop soon with HW_INTERRUPTED; may be NULL
 } hw_build_options;
 
 // T_s 30, T_l 4.5, cell size 50, ...: what the measurements in the README were made with.
@@ -28,6 +29,7 @@ typedef struct hw_build_report {
     double far_records_mean, far_triangles_mean, near_records_mean; // per cell
 } hw_build_report;
 
-// Whatever an earlier, killed build with the same input and options left complete is kept; the bytes are the same with any number of threads and
-// any split into shards. The manifest is written once every cell is there. Errors name the file at fault; what was there before stays.
+// Whatever an earlier, killed build with the same input and options left complete is kept; the
+// bytes are the same with any number of threads and any split into shards. The manifest is written
+// once every cell is there. Errors name the file at fault; what was there before stays.
 HW_MUST_USE hw_status hw_build_run(const hw_build_options *options, hw_build_report *report);

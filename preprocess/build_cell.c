@@ -17,11 +17,13 @@ typedef struct assembly {
     uint32_t near_count, far_count;
 } assembly;
 
-uint32_t hw_near_level(const hw_chain *chain, double scale, double distance, double focal_px, double error_px)
+uint32_t hw_near_level(const hw_chain *chain, double scale, double distance, double focal_px,
+                       double error_px)
 {
     if (chain->levels[0].uvs || !(distance > 0))
         return 0;
-    return hw_chain_level_by_error(chain, error_px * distance / (focal_px * scale)) / HW_NEAR_LEVEL_STRIDE;
+    return hw_chain_level_by_error(chain, error_px * distance / (focal_px * scale)) /
+           HW_NEAR_LEVEL_STRIDE;
 }
 
 // The largest stretch of the transform's axes.
@@ -34,7 +36,8 @@ static double transform_scale(const hw_mat4 *m)
     return most;
 }
 
-static hw_status add_object(const hw_cell_inputs *in, const hw_cell_view *view, uint32_t object_idx, assembly *a)
+static hw_status add_object(const hw_cell_inputs *in, const hw_cell_view *view, uint32_t object_idx,
+                            assembly *a)
 {
     const hw_object *object = &in->scene->objects[object_idx];
     hw_vec3 towards = hw_v3_sub(hw_box_centre(object->bounds), view->centre);
@@ -53,8 +56,8 @@ static hw_status add_object(const hw_cell_inputs *in, const hw_cell_view *view, 
     sorted_svmesh *slot = &a->far[a->far_count];
     HW_TRY(hw_svmesh_derive(&job, &is_near, &slot->svmesh));
     if (is_near) {
-        uint32_t level =
-            hw_near_level(job.chain, job.scale, job.distance.nearest, view->focal_px, in->near_error_px);
+        uint32_t level = hw_near_level(job.chain, job.scale, job.distance.nearest, view->focal_px,
+                                       in->near_error_px);
         a->near[a->near_count++] = (hw_near_record){object_idx, level};
     } else if (slot->svmesh.record.index_count > 0) {
         slot->azimuth = atan2(towards.y, towards.x);
@@ -96,7 +99,8 @@ static hw_status pack_atlas(assembly *a, hw_cell *out)
         const hw_capture *capture = &a->far[i].svmesh.capture;
         places[i] = (hw_rect){0, 0, capture->width, capture->height};
     }
-    HW_GO(hw_atlas_pack(places, a->far_count, 4, HW_CELL_ATLAS_MAX, &out->atlas_width, &out->atlas_height));
+    HW_GO(hw_atlas_pack(places, a->far_count, 4, HW_CELL_ATLAS_MAX, &out->atlas_width,
+                        &out->atlas_height));
     HW_GO(hw_image_make(&atlas, out->atlas_width, out->atlas_height, 4));
     for (uint32_t i = 0; i < a->far_count; i++) {
         copy_capture(&atlas, &places[i], &a->far[i].svmesh.capture);
@@ -119,9 +123,12 @@ static hw_status join_meshes(const assembly *a, hw_cell *out)
         vertices += a->far[i].svmesh.record.vertex_count;
         indices += a->far[i].svmesh.record.index_count;
     }
-    if (a->far_count > HW_CELL_RECORDS_MAX || vertices > HW_CELL_VERTICES_MAX || indices > HW_CELL_INDICES_MAX)
-        return hw_fail(HW_LIMIT, "cell %d_%d sees %u far objects with %llu vertices, more than a cell file holds", out->id.q,
-                       out->id.r, a->far_count, (unsigned long long)vertices);
+    if (a->far_count > HW_CELL_RECORDS_MAX || vertices > HW_CELL_VERTICES_MAX ||
+        indices > HW_CELL_INDICES_MAX)
+        return hw_fail(
+            HW_LIMIT,
+            "cell %d_%d sees %u far objects with %llu vertices, more than a cell file holds",
+            out->id.q, out->id.r, a->far_count, (unsigned long long)vertices);
     HW_TRY(HW_NEW(&out->far, a->far_count));
     HW_TRY(HW_NEW(&out->vertices, vertices));
     HW_TRY(HW_NEW(&out->indices, indices));

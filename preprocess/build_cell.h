@@ -13,10 +13,12 @@ typedef struct hw_cell_inputs {
     uint64_t key;
 } hw_cell_inputs;
 
-// Level of the mesh file to draw a near object with at a distance: the coarsest one whose largest error is at most error_px; mesh files hold
-// every HW_NEAR_LEVEL_STRIDE-th level of the chain. Textured meshes have level 0 only.
+// Level of the mesh file to draw a near object with at a distance: the coarsest one whose surface
+// error (99th percentile) is at most error_px; mesh files hold every HW_NEAR_LEVEL_STRIDE-th level
+// of the chain. Textured meshes have level 0 only.
 #define HW_NEAR_LEVEL_STRIDE 2u
-uint32_t hw_near_level(const hw_chain *chain, double scale, double distance, double focal_px, double error_px);
+uint32_t hw_near_level(const hw_chain *chain, double scale, double distance, double focal_px,
+                       double error_px);
 
 // Thread-safe. Free with hw_cell_free.
 HW_MUST_USE hw_status hw_build_cell(const hw_cell_inputs *inputs, hw_cell_id id, hw_cell *out);

@@ -9,11 +9,11 @@
 #include <math.h>
 #include <string.h>
 
-#define LEVEL_STEP 0.8408964152537146 // 2^(-1/4)
-#define IMPORTANCE_LINES 32u
-#define OUTLINE_VIEWS 8u
+#define LEVEL_STEP         0.8408964152537146 // 2^(-1/4)
+#define IMPORTANCE_LINES   32u
+#define OUTLINE_VIEWS      8u
 #define OUTLINE_RESOLUTION 1024u
-#define DEVIATION_SAMPLES 4000u
+#define DEVIATION_SAMPLES  4000u
 
 typedef struct maker {
     const hw_mesh *original;
@@ -52,7 +52,8 @@ static hw_status make_collapser(const hw_mesh *mesh, hw_collapser **out)
         positions[v][1] = mesh->positions[v].y;
         positions[v][2] = mesh->positions[v].z;
     }
-    HW_GO(hw_collapser_create((const double(*)[3])positions, mesh->vertex_count, indices, mesh->index_count / 3, NULL, HW_COMPLEX_SPLIT, out));
+    HW_GO(hw_collapser_create((const double(*)[3])positions, mesh->vertex_count, indices,
+                              mesh->index_count / 3, NULL, HW_COMPLEX_SPLIT, out));
 out:
     hw_free(weld);
     hw_free(indices);
@@ -159,7 +160,7 @@ static void make_errors_monotone(hw_chain *chain)
     for (uint32_t l = 1; l < chain->level_count; l++) {
         hw_mesh_level_info *info = &chain->infos[l], *finer = &chain->infos[l - 1];
         info->error_rms = fmaxf(info->error_rms, finer->error_rms);
-        info->error_max = fmaxf(info->error_max, finer->error_max);
+        info->error_p99 = fmaxf(info->error_p99, finer->error_p99);
         info->error_silhouette = fmaxf(info->error_silhouette, finer->error_silhouette);
     }
 }
@@ -182,15 +183,16 @@ hw_status hw_chain_make(const hw_mesh *mesh, const hw_chain_options *options, hw
     HW_GO(HW_NEW(&out->levels, HW_MESH_LEVELS_MAX));
     HW_GO(HW_NEW(&out->infos, HW_MESH_LEVELS_MAX));
     HW_GO(hw_mesh_copy(mesh, &out->levels[0]));
-    out->infos[0] = (hw_mesh_level_info){.vertex_count = mesh->vertex_count, .index_count = mesh->index_count};
+    out->infos[0] =
+        (hw_mesh_level_info){.vertex_count = mesh->vertex_count, .index_count = mesh->index_count};
     out->level_count = 1;
     if (!(hw_mesh_area(mesh) > 0))
         return HW_OK; // nothing to simplify, measure or see
     HW_GO(hw_rays_create_mesh(&m.rays, mesh));
     HW_GO(hw_outline_create(&m.outline, mesh, OUTLINE_VIEWS, OUTLINE_RESOLUTION));
     HW_GO(HW_NEW(&m.importance, mesh->vertex_count));
-    HW_GO(hw_silhouette_importance(mesh, m.rays, IMPORTANCE_LINES, m.options.importance_floor, m.options.threads,
-                                   m.importance));
+    HW_GO(hw_silhouette_importance(mesh, m.rays, IMPORTANCE_LINES, m.options.importance_floor,
+                                   m.options.threads, m.importance));
     HW_GO(collapse_levels(&m));
     HW_GO(hw_parallel_for(out->level_count - 1, m.options.threads, finish_level, &m, NULL));
     make_errors_monotone(out);
@@ -214,7 +216,7 @@ uint32_t hw_chain_level_by_silhouette(const hw_chain *chain, double bound)
 uint32_t hw_chain_level_by_error(const hw_chain *chain, double bound)
 {
     uint32_t l = 0;
-    while (l + 1 < chain->level_count && chain->infos[l + 1].error_max <= bound)
+    while (l + 1 < chain->level_count && chain->infos[l + 1].error_p99 <= bound)
         l++;
     return l;
 }

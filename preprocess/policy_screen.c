@@ -1,9 +1,11 @@
 // The default policy: errors in pixels as a viewer anywhere in the cell could see them.
 //
-// Silhouettes make most of the error of a stand-in, and they can only arise where a face turns away from some point of the cell. So the chain level is
-// chosen by its outline deviation; faces that no point of the cell sees are dropped (afterwards: culling first leaves torn borders that
-// cannot be simplified); and the patches that every point of the cell sees from the front, whose relief shows only as parallax under
-// the texture, are simplified again to a larger tolerance with their borders held.
+// Silhouettes make most of the error of a stand-in, and they can only arise where a face turns away
+// from some point of the cell. So the chain level is chosen by its outline deviation; faces that no
+// point of the cell sees are dropped (afterwards: culling first leaves torn borders that cannot be
+// simplified); and the patches that every point of the cell sees from the front, whose relief shows
+// only as parallax under the texture, are simplified again to a larger tolerance with their borders
+// held.
 #include "alloc.h"
 #include "collapse.h"
 #include "metric.h"
@@ -24,13 +26,16 @@ static void classify_faces(const hw_svmesh_job *job, selection *s)
     uint32_t eye_count = hw_svmesh_eyes(job, false, eyes);
     for (uint32_t f = 0; f < s->level->index_count / 3; f++) {
         const uint32_t *t = s->level->indices + 3 * (size_t)f;
-        s->facing[f] = (uint8_t)hw_triangle_facing(s->level->positions[t[0]], s->level->positions[t[1]],
-                                                   s->level->positions[t[2]], eyes, eye_count);
+        s->facing[f] =
+            (uint8_t)hw_triangle_facing(s->level->positions[t[0]], s->level->positions[t[1]],
+                                        s->level->positions[t[2]], eyes, eye_count);
     }
 }
 
-// Copies the faces that some point of the cell may see; those seen by every point come first. Vertices of other faces are locked.
-static hw_status project_faces(const hw_svmesh_job *job, selection *s, hw_view_mesh *out, uint32_t *front_indices)
+// Copies the faces that some point of the cell may see; those seen by every point come first.
+// Vertices of other faces are locked.
+static hw_status project_faces(const hw_svmesh_job *job, selection *s, hw_view_mesh *out,
+                               uint32_t *front_indices)
 {
     const hw_object *object = &job->scene->objects[job->object_idx];
     const hw_mesh *level = s->level;
@@ -45,7 +50,8 @@ static hw_status project_faces(const hw_svmesh_job *job, selection *s, hw_view_m
                 if (s->local[v] == UINT32_MAX) {
                     hw_vec3 world = hw_mat4_point(&object->transform, level->positions[v]);
                     if (!hw_svmesh_project(job, world, out->positions[out->vertex_count]))
-                        return hw_fail(HW_INTERNAL, "a far object reaches behind the centre of its cell");
+                        return hw_fail(HW_INTERNAL,
+                                       "a far object reaches behind the centre of its cell");
                     s->local[v] = out->vertex_count++;
                 }
                 out->indices[out->index_count++] = s->local[v];
@@ -60,14 +66,16 @@ static hw_status project_faces(const hw_svmesh_job *job, selection *s, hw_view_m
     return HW_OK;
 }
 
-// Simplifies the first `front_indices` indices of the mesh in place; the rest keep their vertices, which are locked.
-static hw_status simplify_interior(const hw_svmesh_job *job, const bool *locked, uint32_t front_indices, hw_view_mesh *mesh)
+// Simplifies the first `front_indices` indices of the mesh in place; the rest keep their vertices,
+// which are locked.
+static hw_status simplify_interior(const hw_svmesh_job *job, const bool *locked,
+                                   uint32_t front_indices, hw_view_mesh *mesh)
 {
     hw_status status;
     hw_collapser *c = NULL;
     hw_qem *qem = NULL;
-    HW_GO(hw_collapser_create((const double(*)[3])mesh->positions, mesh->vertex_count, mesh->indices,
-                              front_indices / 3, locked, HW_COMPLEX_LOCK, &c));
+    HW_GO(hw_collapser_create((const double(*)[3])mesh->positions, mesh->vertex_count,
+                              mesh->indices, front_indices / 3, locked, HW_COMPLEX_LOCK, &c));
     HW_GO(hw_qem_create(c, &qem));
     hw_metric metric = hw_metric_qem(qem);
     hw_collapse_limits limits = {0, job->options->interior_px * job->options->interior_px};
@@ -77,7 +85,8 @@ static hw_status simplify_interior(const hw_svmesh_job *job, const bool *locked,
     for (uint32_t f = 0; f < c->face_count; f++)
         for (int k = 0; c->faces[f][0] != HW_NO_VERTEX && k < 3; k++)
             mesh->indices[n++] = c->faces[f][k];
-    memmove(mesh->indices + n, mesh->indices + front_indices, (mesh->index_count - front_indices) * sizeof *mesh->indices);
+    memmove(mesh->indices + n, mesh->indices + front_indices,
+            (mesh->index_count - front_indices) * sizeof *mesh->indices);
     mesh->index_count -= front_indices - n;
 out:
     hw_qem_destroy(qem);
@@ -89,8 +98,10 @@ static hw_status simplify(const hw_svmesh_job *job, hw_view_mesh *out)
 {
     hw_status status;
     selection s = {0};
-    double pixel = job->distance.effective / (job->view->focal_px * job->scale); // of the effective distance, mesh units
-    uint32_t by_outline = hw_chain_level_by_silhouette(job->chain, job->options->outline_px * pixel);
+    double pixel = job->distance.effective /
+                   (job->view->focal_px * job->scale); // of the effective distance, mesh units
+    uint32_t by_outline =
+        hw_chain_level_by_silhouette(job->chain, job->options->outline_px * pixel);
     uint32_t by_surface = hw_chain_level_by_error(job->chain, job->options->interior_px * pixel);
     s.level = &job->chain->levels[by_outline < by_surface ? by_outline : by_surface];
     uint32_t front_indices = 0;
@@ -114,4 +125,7 @@ out:
 }
 
 const hw_svmesh_policy hw_policy_screen = {
-    "screen", "errors in pixels as seen from the cell: outline-preserving levels, interiors simplified by parallax", simplify};
+    "screen",
+    "errors in pixels as seen from the cell: outline-preserving levels, interiors simplified by "
+    "parallax",
+    simplify};

@@ -1,6 +1,7 @@
-// The policy of thesis 5.2.1 as it is written: weights from the categories of the depth image, half-edge collapses in order of cost until
-// the cheapest costs more than T_l; of the result, the faces that face the cell centre. It starts from a chain level whose outline deviates by far less than a
-// pixel, not from the scan itself.
+// The policy of thesis 5.2.1 as it is written: weights from the categories of the depth image,
+// half-edge collapses in order of cost until the cheapest costs more than T_l; of the result, the
+// faces that face the cell centre. It starts from a chain level whose outline deviates by far less
+// than a pixel, not from the scan itself.
 #include "alloc.h"
 #include "classify.h"
 #include "collapse.h"
@@ -12,7 +13,7 @@
 #define START_OUTLINE_PX 0.02
 // Weights of vertices that have no pixel (5.2.1, Assigning vertex weights).
 #define WEIGHT_BACK_FACING 0.5f
-#define WEIGHT_INVISIBLE 0.05f
+#define WEIGHT_INVISIBLE   0.05f
 // A vertex is visible when it lies no deeper than its pixel by more than this part of the depth.
 #define VISIBLE_TOLERANCE 1e-3
 
@@ -47,7 +48,8 @@ static hw_status project(const hw_svmesh_job *job, const hw_mesh *level, weighin
     w->mesh.index_count = level->index_count;
     memcpy(w->mesh.indices, level->indices, level->index_count * sizeof *level->indices);
     for (uint32_t v = 0; v < level->vertex_count; v++)
-        if (!hw_svmesh_project(job, hw_mat4_point(transform, level->positions[v]), w->mesh.positions[v]))
+        if (!hw_svmesh_project(job, hw_mat4_point(transform, level->positions[v]),
+                               w->mesh.positions[v]))
             return hw_fail(HW_INTERNAL, "a far object reaches behind the centre of its cell");
     for (uint32_t i = 0; i < level->index_count; i += 3)
         for (int k = 0; k < 3 && faces_centre(&w->mesh, level->indices + i); k++)
@@ -70,13 +72,17 @@ static void cull(hw_view_mesh *mesh)
 // The pixel of the capture that a vertex falls into, clamped to the window.
 static uint32_t pixel_of(const hw_capture_window *window, const double position[3], double focal)
 {
-    double x = (position[0] / focal - window->x_min) / (window->x_max - window->x_min) * window->width;
-    double y = (position[1] / focal - window->y_min) / (window->y_max - window->y_min) * window->height;
-    uint32_t i = (uint32_t)fmin(fmax(x, 0), window->width - 1.0), j = (uint32_t)fmin(fmax(y, 0), window->height - 1.0);
+    double x =
+        (position[0] / focal - window->x_min) / (window->x_max - window->x_min) * window->width;
+    double y =
+        (position[1] / focal - window->y_min) / (window->y_max - window->y_min) * window->height;
+    uint32_t i = (uint32_t)fmin(fmax(x, 0), window->width - 1.0),
+             j = (uint32_t)fmin(fmax(y, 0), window->height - 1.0);
     return j * window->width + i;
 }
 
-static hw_status weigh(const hw_svmesh_job *job, const hw_mesh *level, const hw_capture_window *window, weighing *w)
+static hw_status weigh(const hw_svmesh_job *job, const hw_mesh *level,
+                       const hw_capture_window *window, weighing *w)
 {
     hw_status status;
     hw_capture capture = {0};
@@ -116,9 +122,10 @@ static hw_status collapse(const hw_svmesh_job *job, weighing *w, hw_view_mesh *o
     hw_status status;
     hw_collapser *c = NULL;
     uint32_t *kept = NULL;
-    HW_GO(hw_collapser_create((const double(*)[3])w->mesh.positions, w->mesh.vertex_count, w->mesh.indices,
-                              w->mesh.index_count / 3, NULL, HW_COMPLEX_LOCK, &c));
-    hw_viewcell_metric context = {(const float(*)[3])w->normals, (const float(*)[2])w->image, w->weights};
+    HW_GO(hw_collapser_create((const double(*)[3])w->mesh.positions, w->mesh.vertex_count,
+                              w->mesh.indices, w->mesh.index_count / 3, NULL, HW_COMPLEX_LOCK, &c));
+    hw_viewcell_metric context = {(const float(*)[3])w->normals, (const float(*)[2])w->image,
+                                  w->weights};
     hw_metric metric = hw_metric_viewcell(&context);
     hw_collapse_limits limits = {0, job->options->edge_length_px};
     HW_GO(hw_collapser_run(c, &metric, &limits));

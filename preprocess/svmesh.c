@@ -4,10 +4,11 @@
 #include <meshoptimizer.h>
 #include <string.h>
 
-// Colours spread this far beyond an object's outline, so that filtering and simplified outlines never meet the background.
+// Colours spread this far beyond an object's outline, so that filtering and simplified outlines
+// never meet the background.
 #define DILATION_TEXELS 6u
-#define EXTENT_FACES 1000u
-#define QUANTUM_PX (1.0 / 32) // coarser steps show on silhouettes
+#define EXTENT_FACES    1000u
+#define QUANTUM_PX      (1.0 / 32) // coarser steps show on silhouettes
 
 static const hw_svmesh_policy *const policies[] = {&hw_policy_screen, &hw_policy_thesis, NULL};
 
@@ -102,7 +103,8 @@ static void image_bounds(const hw_view_mesh *mesh, double min[3], double max[3])
         }
 }
 
-// Texels per unit of the plane at distance 1: one texel per pixel of the nearest viewer in the cell, looking at the nearest part.
+// Texels per unit of the plane at distance 1: one texel per pixel of the nearest viewer in the
+// cell, looking at the nearest part.
 static double capture_density(const hw_svmesh_job *job, double parallax_max)
 {
     double depth = job->view->focal_px * job->view->grid->cell_size / parallax_max;
@@ -115,7 +117,8 @@ bool hw_svmesh_window(const hw_svmesh_job *job, const hw_view_mesh *mesh, hw_cap
     double min[3], max[3], focal = job->view->focal_px;
     image_bounds(mesh, min, max);
     double density = capture_density(job, max[2]);
-    double side_x = ceil((max[0] - min[0]) / focal * density), side_y = ceil((max[1] - min[1]) / focal * density);
+    double side_x = ceil((max[0] - min[0]) / focal * density),
+           side_y = ceil((max[1] - min[1]) / focal * density);
     if (!(fmax(side_x, side_y) <= job->options->capture_side_max))
         return false;
     uint32_t inner_x = (uint32_t)fmax(side_x, 1), inner_y = (uint32_t)fmax(side_y, 1);
@@ -144,10 +147,12 @@ static void record_window(const hw_capture_window *w, hw_far_record *record)
     record->x_max = w->x_max - tx;
     record->y_min = w->y_min + ty;
     record->y_max = w->y_max - ty;
-    record->rect = (hw_rect){0, 0, w->width - 2 * HW_CAPTURE_PADDING, w->height - 2 * HW_CAPTURE_PADDING};
+    record->rect =
+        (hw_rect){0, 0, w->width - 2 * HW_CAPTURE_PADDING, w->height - 2 * HW_CAPTURE_PADDING};
 }
 
-// A 16-bit axis whose steps are a power of two as coarse as QUANTUM_PX allows: the low bits are zero and cost nothing in the file.
+// A 16-bit axis whose steps are a power of two as coarse as QUANTUM_PX allows: the low bits are
+// zero and cost nothing in the file.
 typedef struct axis {
     double min, max;
     uint32_t step;
@@ -172,7 +177,8 @@ static hw_status quantise_mesh(const hw_svmesh_job *job, const hw_view_mesh *mes
     hw_status status;
     hw_far_record *record = &out->record;
     uint32_t *remap = NULL;
-    double min[3], max[3], focal = job->view->focal_px, parallax = focal * job->view->grid->cell_size;
+    double min[3], max[3], focal = job->view->focal_px,
+                           parallax = focal * job->view->grid->cell_size;
     image_bounds(mesh, min, max);
     record->iz_min = (float)(min[2] / parallax);
     record->iz_max = (float)fmax(max[2] / parallax, record->iz_min * (1 + 1e-5));
@@ -188,8 +194,8 @@ static hw_status quantise_mesh(const hw_svmesh_job *job, const hw_view_mesh *mes
                                            quantise(&z, p[2] / parallax), 0};
     }
     // Vertices that fell together become one; faces that lost their area go.
-    meshopt_generateVertexRemap(remap, mesh->indices, mesh->index_count, out->vertices, mesh->vertex_count,
-                                sizeof *out->vertices);
+    meshopt_generateVertexRemap(remap, mesh->indices, mesh->index_count, out->vertices,
+                                mesh->vertex_count, sizeof *out->vertices);
     uint32_t n = 0;
     for (uint32_t i = 0; i < mesh->index_count; i += 3) {
         const uint32_t *t = mesh->indices + i;
@@ -200,10 +206,12 @@ static hw_status quantise_mesh(const hw_svmesh_job *job, const hw_view_mesh *mes
         out->indices[n++] = b;
         out->indices[n++] = c;
     }
-    meshopt_remapVertexBuffer(out->vertices, out->vertices, mesh->vertex_count, sizeof *out->vertices, remap);
-    meshopt_optimizeVertexCacheStrip(out->indices, out->indices, n, mesh->vertex_count); // packs best
-    record->vertex_count = (uint32_t)meshopt_optimizeVertexFetch(out->vertices, out->indices, n, out->vertices,
-                                                                 mesh->vertex_count, sizeof *out->vertices);
+    meshopt_remapVertexBuffer(out->vertices, out->vertices, mesh->vertex_count,
+                              sizeof *out->vertices, remap);
+    meshopt_optimizeVertexCacheStrip(out->indices, out->indices, n,
+                                     mesh->vertex_count); // packs best
+    record->vertex_count = (uint32_t)meshopt_optimizeVertexFetch(
+        out->vertices, out->indices, n, out->vertices, mesh->vertex_count, sizeof *out->vertices);
     record->index_count = n;
 out:
     hw_free(remap);
@@ -218,7 +226,8 @@ static hw_box record_bounds(const hw_svmesh *svmesh, hw_vec3 centre)
         const hw_far_vertex *p = &svmesh->vertices[v];
         double h[4];
         for (int r = 0; r < 4; r++)
-            h[r] = matrix.m[r] * p->x + matrix.m[4 + r] * p->y + matrix.m[8 + r] * p->z + matrix.m[12 + r];
+            h[r] = matrix.m[r] * p->x + matrix.m[4 + r] * p->y + matrix.m[8 + r] * p->z +
+                   matrix.m[12 + r];
         hw_box_add(&box, hw_v3((float)(h[0] / h[3]), (float)(h[1] / h[3]), (float)(h[2] / h[3])));
     }
     return box;
@@ -255,10 +264,12 @@ static double self_occlusion(const hw_svmesh_job *job)
     }
     if (!(least < INFINITY))
         return 0; // nothing faces the cell
-    return hw_self_occluding_error(job->view->grid->cell_size, least, most - least, HW_REFERENCE_IMAGE_PX);
+    return hw_self_occluding_error(job->view->grid->cell_size, least, most - least,
+                                   HW_REFERENCE_IMAGE_PX);
 }
 
-// Whether the whole object lies in front of the plane through the cell centre that its window is parallel to.
+// Whether the whole object lies in front of the plane through the cell centre that its window is
+// parallel to.
 static bool in_front(const hw_svmesh_job *job)
 {
     const hw_object *object = &job->scene->objects[job->object_idx];
@@ -275,7 +286,8 @@ hw_status hw_svmesh_derive(const hw_svmesh_job *job, bool *is_near, hw_svmesh *o
     hw_view_mesh mesh = {0};
     hw_capture_window window;
     memset(out, 0, sizeof *out);
-    *is_near = job->distance.nearest <= 0 || !in_front(job) || self_occlusion(job) >= job->options->self_occlusion_px;
+    *is_near = job->distance.nearest <= 0 || !in_front(job) ||
+               self_occlusion(job) >= job->options->self_occlusion_px;
     if (*is_near)
         return HW_OK;
     HW_GO(job->options->policy->simplify(job, &mesh));
@@ -292,7 +304,8 @@ hw_status hw_svmesh_derive(const hw_svmesh_job *job, bool *is_near, hw_svmesh *o
     if (out->record.index_count == 0)
         goto out;
     out->record.bounds = record_bounds(out, job->view->centre);
-    HW_GO(hw_capture_object(job->capturer, job->object_idx, &window, job->options->capture_samples, &out->capture));
+    HW_GO(hw_capture_object(job->capturer, job->object_idx, &window, job->options->capture_samples,
+                            &out->capture));
     hw_capture_dilate(&out->capture, DILATION_TEXELS);
 out:
     hw_view_mesh_free(&mesh);

@@ -1,28 +1,31 @@
-// SVMesh: the single-view textured mesh that stands for one far object seen from one cell (thesis 5.2.1). Deriving one goes
-//   chain level -> culled to the cell -> projected into the capture's image space -> simplified by a policy -> captured -> quantised.
+// SVMesh: the single-view textured mesh that stands for one far object seen from one cell
+// (thesis 5.2.1). Deriving one goes
+//   chain level -> culled to the cell -> projected into the capture's image space -> simplified by
+//   a policy -> captured -> quantised.
 //
-// Image space, in pixels: x and y are the projection from the cell centre on the plane of the window's face, at the focal length of the reference
-// view (1024 x 1024, 60 degrees); the third axis is parallax, the shift in pixels that a step of one cell size across the line of
-// sight gives: focal * cell_size / depth. Distances in it are what a viewer in the cell could see.
+// Image space, in pixels: x and y are the projection from the cell centre on the plane of the
+// window's face, at the focal length of the reference view (1024 x 1024, 60 degrees); the third
+// axis is parallax, the shift in pixels that a step of one cell size across the line of sight
+// gives: focal * cell_size / depth. Distances in it are what a viewer in the cell could see.
 #pragma once
 #include "capture.h"
 #include "cell_file.h"
 #include "chain.h"
 #include "region.h"
 
-#define HW_REFERENCE_IMAGE_PX 1024.0  // ImageRes of the thesis; sides of the reference view
-#define HW_REFERENCE_FOV_DEGREES 60.0 // vertical
+#define HW_REFERENCE_IMAGE_PX    1024.0 // ImageRes of the thesis; sides of the reference view
+#define HW_REFERENCE_FOV_DEGREES 60.0   // vertical
 
 typedef struct hw_svmesh_policy hw_svmesh_policy;
 
 typedef struct hw_far_options {
     const hw_svmesh_policy *policy;
-    double self_occlusion_px; // T_s: objects with a larger self-occluding error are near
-    double edge_length_px;    // T_l of the thesis policy
-    double outline_px;        // outline deviation of the chain level at the effective distance
-    double interior_px;       // tolerance for patches that face the whole cell (screen policy)
-    uint32_t capture_side_max;    // larger captures make an object near
-    uint32_t capture_samples;     // rays per texel and axis
+    double self_occlusion_px;  // T_s: objects with a larger self-occluding error are near
+    double edge_length_px;     // T_l of the thesis policy
+    double outline_px;         // outline deviation of the chain level at the effective distance
+    double interior_px;        // tolerance for patches that face the whole cell (screen policy)
+    uint32_t capture_side_max; // larger captures make an object near
+    uint32_t capture_samples;  // rays per texel and axis
 } hw_far_options;
 
 // The cell as the derivation sees it; made once per cell.
@@ -68,7 +71,8 @@ typedef struct hw_svmesh {
 #define HW_CAPTURE_PADDING 2u
 void hw_svmesh_free(hw_svmesh *svmesh);
 
-// A policy fills the mesh to draw, in image space, and may capture early (else the result is captured afterwards).
+// A policy fills the mesh to draw, in image space, and may capture early (else the result is
+// captured afterwards).
 struct hw_svmesh_policy {
     const char *name, *help;
     hw_status (*simplify)(const hw_svmesh_job *job, hw_view_mesh *out);
@@ -77,16 +81,19 @@ extern const hw_svmesh_policy hw_policy_screen, hw_policy_thesis;
 // NULL if unknown.
 const hw_svmesh_policy *hw_policy_find(const char *name);
 
-// Derives the SVMesh. *is_near is set, and *out left empty, when the object must be drawn as geometry from this cell: it meets the cell, its
-// self-occluding error is T_s or more, or its capture would be larger than capture_side_max. *out is also empty when nothing
-// of the object faces the cell.
+// Derives the SVMesh. *is_near is set, and *out left empty, when the object must be drawn as
+// geometry from this cell: it meets the cell, its self-occluding error is T_s or more, or its
+// capture would be larger than capture_side_max. *out is also empty when nothing of the object
+// faces the cell.
 HW_MUST_USE hw_status hw_svmesh_derive(const hw_svmesh_job *job, bool *is_near, hw_svmesh *out);
 
 // ---- for policies ----------------------------------------------------------------------------
 
 // World position to image space; false if it lies on or behind the plane through the centre.
 bool hw_svmesh_project(const hw_svmesh_job *job, hw_vec3 world, double image[3]);
-// The cell's corners (or, with centre_only, its centre alone) in the mesh's own space, where facing is the same. Returns how many.
+// The cell's corners (or, with centre_only, its centre alone) in the mesh's own space, where facing
+// is the same. Returns how many.
 uint32_t hw_svmesh_eyes(const hw_svmesh_job *job, bool centre_only, hw_vec3 eyes[HW_CELL_CORNERS]);
-// The capture window round a mesh in image space, grown by HW_CAPTURE_PADDING texels on each side. False if a side would be too large.
+// The capture window round a mesh in image space, grown by HW_CAPTURE_PADDING texels on each side.
+// False if a side would be too large.
 bool hw_svmesh_window(const hw_svmesh_job *job, const hw_view_mesh *mesh, hw_capture_window *out);

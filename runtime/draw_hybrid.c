@@ -231,7 +231,7 @@ static hw_status find_cell(hybrid *h, const hw_camera *camera, hw_frame_stats *s
 
 // ---- near objects ----------------------------------------------------------------------------
 
-// The coarsest level whose largest error stays below the dataset's tolerance at this distance.
+// The coarsest level whose surface error stays below the dataset's tolerance at this distance.
 static uint32_t choose_level(const hybrid *h, const hw_near_record *record, double focal_px,
                              float distance)
 {

@@ -215,6 +215,20 @@ bool hw_gpu_is_software(void)
                         strstr(renderer, "swrast") || strstr(renderer, "SwiftShader"));
 }
 
+void hw_gpu_pace_add(hw_gpu_pace *pace, uint32_t triangles)
+{
+    pace->triangles += triangles;
+    if (pace->triangles >= PACE_TRIANGLES)
+        hw_gpu_pace_flush(pace);
+}
+
+void hw_gpu_pace_flush(hw_gpu_pace *pace)
+{
+    pace->triangles = 0;
+    if (hw_gpu_is_software())
+        glFlush();
+}
+
 const void *hw_gpu_offset(size_t bytes)
 {
     return (const char *)0 + bytes;

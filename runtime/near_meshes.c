@@ -19,7 +19,7 @@ _Static_assert(sizeof(near_vertex) == 24, "a near vertex is 24 bytes");
 
 typedef struct near_mesh {
     uint32_t level_count; // 0 = not opened
-    float *errors;        // largest error per level, mesh units
+    float *errors;        // surface error per level, mesh units
     uint64_t *file_bytes; // per level
     hw_near_level *levels;
 } near_mesh;
@@ -130,7 +130,7 @@ static hw_status open_mesh(hw_near_meshes *m, uint32_t mesh_idx)
     HW_GO(HW_NEW(&made.file_bytes, made.level_count));
     HW_GO(HW_NEW(&made.levels, made.level_count));
     for (uint32_t i = 0; i < made.level_count; i++)
-        made.errors[i] = hw_mesh_file_level(file, i)->error_max;
+        made.errors[i] = hw_mesh_file_level(file, i)->error_p99;
     share_bytes(&made, file, bytes);
     m->meshes[mesh_idx] = made;
     made = (near_mesh){0};

@@ -27,7 +27,7 @@ void hw_near_meshes_destroy(hw_near_meshes *meshes);
 // Counts in *stats what was read. Errors name the file.
 HW_MUST_USE hw_status hw_near_meshes_open(hw_near_meshes *meshes, uint32_t mesh_idx,
                                           int32_t texture_idx, hw_frame_stats *stats);
-// Of an opened mesh, the coarsest level whose largest error is at most `error` mesh units.
+// Of an opened mesh, the coarsest level whose surface error is at most `error` mesh units.
 uint32_t hw_near_meshes_choose(const hw_near_meshes *meshes, uint32_t mesh_idx, double error);
 // Number of levels of an opened mesh.
 uint32_t hw_near_meshes_level_count(const hw_near_meshes *meshes, uint32_t mesh_idx);

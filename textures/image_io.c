@@ -15,7 +15,8 @@ typedef struct image_module {
     hw_status (*encode_jpeg)(const hw_image *, int, uint8_t **, size_t *);
     hw_status (*sampler_create)(hw_sampler **, const hw_image *);
     void (*sampler_destroy)(hw_sampler *);
-    void (*sampler_lookup)(const hw_sampler *, float, float, const float[2], const float[2], float[3]);
+    void (*sampler_lookup)(const hw_sampler *, float, float, const float[2], const float[2],
+                           float[3]);
 } image_module;
 
 static image_module module;
@@ -25,8 +26,9 @@ static pthread_once_t once = PTHREAD_ONCE_INIT;
 // What the module calls: named here so that the linker keeps it in every program.
 typedef void (*any_function)(void);
 __attribute__((used)) static const any_function needed_by_module[] = {
-    (any_function)hw_alloc,      (any_function)hw_free,       (any_function)hw_fail,       (any_function)hw_fail_prefix,
-    (any_function)hw_image_make, (any_function)hw_image_free, (any_function)hw_file_write, (any_function)hw_file_read,
+    (any_function)hw_alloc,       (any_function)hw_free,       (any_function)hw_fail,
+    (any_function)hw_fail_prefix, (any_function)hw_image_make, (any_function)hw_image_free,
+    (any_function)hw_file_write,  (any_function)hw_file_read,
 };
 
 static void load(void)
@@ -109,7 +111,8 @@ void hw_sampler_destroy(hw_sampler *sampler)
         module.sampler_destroy(sampler);
 }
 
-void hw_sampler_lookup(const hw_sampler *sampler, float u, float v, const float dx[2], const float dy[2], float rgb[3])
+void hw_sampler_lookup(const hw_sampler *sampler, float u, float v, const float dx[2],
+                       const float dy[2], float rgb[3])
 {
     module.sampler_lookup(sampler, u, v, dx, dy, rgb);
 }

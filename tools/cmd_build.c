@@ -9,26 +9,39 @@
 
 static const char *output, *json_file, *policy = "screen", *shard, *heights = "8:16";
 static uint64_t threads, levels = 1, texture_side = 1024;
-static double cell_size = 50, self_occlusion, edge_length = 4.5, near_error = 0.3, outline_error = 0.05, interior_error = 2;
+static double cell_size = 50, self_occlusion, edge_length = 4.5, near_error = 0.3,
+              outline_error = 0.055, interior_error = 2.5;
 static atomic_bool stop;
 
 static uint32_t options(hw_option *out, uint32_t capacity)
 {
     const hw_option table[] = {
-        {"output", 'o', HW_OPTION_STRING, &output, "DATASET", NULL, 0, 0, "folder to write (an unfinished build in it is continued)"},
-        {"cell-size", 0, HW_OPTION_DOUBLE, &cell_size, "UNITS", NULL, 1e-3, 1e6, "side length of the hexagonal cells"},
-        {"heights", 0, HW_OPTION_STRING, &heights, "MIN:MAX", NULL, 0, 0, "heights above the ground at which eyes may be"},
-        {"policy", 0, HW_OPTION_CHOICE, &policy, "NAME", "screen|thesis", 0, 0, "how far objects are simplified"},
+        {"output", 'o', HW_OPTION_STRING, &output, "DATASET", NULL, 0, 0,
+         "folder to write (an unfinished build in it is continued)"},
+        {"cell-size", 0, HW_OPTION_DOUBLE, &cell_size, "UNITS", NULL, 1e-3, 1e6,
+         "side length of the hexagonal cells"},
+        {"heights", 0, HW_OPTION_STRING, &heights, "MIN:MAX", NULL, 0, 0,
+         "heights above the ground at which eyes may be"},
+        {"policy", 0, HW_OPTION_CHOICE, &policy, "NAME", "screen|thesis", 0, 0,
+         "how far objects are simplified"},
         {"self-occlusion", 0, HW_OPTION_DOUBLE, &self_occlusion, "PX", NULL, 0, 1e6,
-         "T_s, largest self-occluding error of a textured stand-in; 0 means 30 with the policy screen, 5 with thesis"},
-        {"edge-length", 0, HW_OPTION_DOUBLE, &edge_length, "PX", NULL, 0, 1e6, "T_l of the policy thesis"},
-        {"outline-error", 0, HW_OPTION_DOUBLE, &outline_error, "PX", NULL, 1e-4, 100, "mean outline deviation of far objects (policy screen)"},
-        {"interior-error", 0, HW_OPTION_DOUBLE, &interior_error, "PX", NULL, 0, 100, "parallax error inside outlines (policy screen)"},
-        {"near-error", 0, HW_OPTION_DOUBLE, &near_error, "PX", NULL, 0, 100, "largest surface error of near objects"},
-        {"texture-side", 0, HW_OPTION_UINT, &texture_side, "TEXELS", NULL, 16, 4096, "objects with larger captures are near"},
+         "T_s, largest self-occluding error of a textured stand-in; 0 means 30 with the policy "
+         "screen, 5 with thesis"},
+        {"edge-length", 0, HW_OPTION_DOUBLE, &edge_length, "PX", NULL, 0, 1e6,
+         "T_l of the policy thesis"},
+        {"outline-error", 0, HW_OPTION_DOUBLE, &outline_error, "PX", NULL, 1e-4, 100,
+         "mean outline deviation of far objects (policy screen)"},
+        {"interior-error", 0, HW_OPTION_DOUBLE, &interior_error, "PX", NULL, 0, 100,
+         "parallax error inside outlines (policy screen)"},
+        {"near-error", 0, HW_OPTION_DOUBLE, &near_error, "PX", NULL, 0, 100,
+         "surface error (99th percentile) of near objects"},
+        {"texture-side", 0, HW_OPTION_UINT, &texture_side, "TEXELS", NULL, 16, 4096,
+         "objects with larger captures are near"},
         {"levels", 0, HW_OPTION_UINT, &levels, "N", NULL, 1, 1, "levels of the cell hierarchy"},
-        {"threads", 0, HW_OPTION_UINT, &threads, "N", NULL, 0, 1024, "threads; 0 means one per processor"},
-        {"shard", 0, HW_OPTION_STRING, &shard, "K/N", NULL, 0, 0, "make only every N-th cell, beginning with the K-th (K from 1)"},
+        {"threads", 0, HW_OPTION_UINT, &threads, "N", NULL, 0, 1024,
+         "threads; 0 means one per processor"},
+        {"shard", 0, HW_OPTION_STRING, &shard, "K/N", NULL, 0, 0,
+         "make only every N-th cell, beginning with the K-th (K from 1)"},
         {"json", 0, HW_OPTION_STRING, &json_file, "FILE", NULL, 0, 0, "write the figures as JSON"},
     };
     uint32_t count = sizeof table / sizeof *table;
@@ -59,7 +72,8 @@ static hw_status read_options(const char *scene, hw_build_options *o)
         return hw_fail(HW_USAGE, "--heights wants MIN:MAX with MIN <= MAX, not '%s'", heights);
     if (shard) {
         double k, n;
-        if (!parse_pair(shard, '/', &k, &n) || k < 1 || k > n || n > 1e6 || k != (uint32_t)k || n != (uint32_t)n)
+        if (!parse_pair(shard, '/', &k, &n) || k < 1 || k > n || n > 1e6 || k != (uint32_t)k ||
+            n != (uint32_t)n)
             return hw_fail(HW_USAGE, "--shard wants K/N with 1 <= K <= N, not '%s'", shard);
         o->shard_index = (uint32_t)k - 1;
         o->shard_count = (uint32_t)n;
@@ -88,17 +102,21 @@ static void on_signal(int number)
 
 static void print_report(const hw_build_report *r)
 {
-    printf("cells      %u made, %u kept, %u in all\n", r->cells_made, r->cells_kept, r->cells_total);
+    printf("cells      %u made, %u kept, %u in all\n", r->cells_made, r->cells_kept,
+           r->cells_total);
     if (r->cells_made > 0)
-        printf("per cell   %.0f far objects, %.0f triangles; %.1f near objects\n", r->far_records_mean, r->far_triangles_mean,
-               r->near_records_mean);
-    printf("bytes      %.1f MB: %.1f meshes, %.1f textures, %.1f near objects\n", (double)r->bytes / 1e6,
-           (double)r->mesh_bytes / 1e6, (double)r->texture_bytes / 1e6, (double)r->near_bytes / 1e6);
-    printf("seconds    %.1f: import %.1f, levels of detail %.1f, near meshes %.1f, cells %.1f\n", r->total_seconds,
-           r->import_seconds, r->chain_seconds, r->mesh_seconds, r->cell_seconds);
+        printf("per cell   %.0f far objects, %.0f triangles; %.1f near objects\n",
+               r->far_records_mean, r->far_triangles_mean, r->near_records_mean);
+    printf("bytes      %.1f MB: %.1f meshes, %.1f textures, %.1f near objects\n",
+           (double)r->bytes / 1e6, (double)r->mesh_bytes / 1e6, (double)r->texture_bytes / 1e6,
+           (double)r->near_bytes / 1e6);
+    printf("seconds    %.1f: import %.1f, levels of detail %.1f, near meshes %.1f, cells %.1f\n",
+           r->total_seconds, r->import_seconds, r->chain_seconds, r->mesh_seconds, r->cell_seconds);
     printf("memory     %.0f MB at the peak\n", (double)hw_rss_peak_bytes() / 1e6);
     if (r->cells_missing > 0)
-        printf("unfinished %u cells are left to other shards; run any shard again once all are done\n", r->cells_missing);
+        printf(
+            "unfinished %u cells are left to other shards; run any shard again once all are done\n",
+            r->cells_missing);
 }
 
 static hw_status write_json(const hw_build_report *r, const cJSON *used)
@@ -145,7 +163,8 @@ static hw_status run(int argc, const char *const *argv)
     sigaction(SIGTERM, &action, NULL);
     hw_status status = hw_build_run(&o, &report);
     if (status == HW_INTERRUPTED)
-        return hw_fail(HW_INTERRUPTED, "%s: interrupted; the same command goes on where it stopped", output);
+        return hw_fail(HW_INTERRUPTED, "%s: interrupted; the same command goes on where it stopped",
+                       output);
     HW_TRY(status);
     print_report(&report);
     if (!json_file)
@@ -160,9 +179,12 @@ const hw_command hw_cmd_build = {
     .name = "build",
     .summary = "precompute a scene into a dataset of view cells",
     .arguments = "SCENE -o DATASET",
-    .description = "Cuts the view space into hexagonal cells and stores, for each, a textured mesh of every far object as it looks from "
-                   "there, and which near objects are to be drawn as geometry. A build that was interrupted, by Ctrl-C or otherwise, "
-                   "goes on where it stopped when the same command is given again. The same scene and options give the same bytes with "
+    .description = "Cuts the view space into hexagonal cells and stores, for each, a textured mesh "
+                   "of every far object as it looks from "
+                   "there, and which near objects are to be drawn as geometry. A build that was "
+                   "interrupted, by Ctrl-C or otherwise, "
+                   "goes on where it stopped when the same command is given again. The same scene "
+                   "and options give the same bytes with "
                    "any number of threads and any split into shards.",
     .options = options,
     .positional_min = 1,

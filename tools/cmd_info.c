@@ -173,7 +173,7 @@ static hw_status describe_mesh(const char *path, cJSON *json)
         add_integer(row, "vertices", level->vertex_count);
         add_integer(row, "triangles", level->index_count / 3);
         hw_json_add_number(row, "error_rms", (double)level->error_rms);
-        hw_json_add_number(row, "error_max", (double)level->error_max);
+        hw_json_add_number(row, "error_p99", (double)level->error_p99);
         hw_json_add_number(row, "error_silhouette", (double)level->error_silhouette);
     }
     hw_mesh_file_close(file);

@@ -6,8 +6,9 @@
 #include <math.h>
 #include <string.h>
 
-// Lazy queue. A collapse bumps the `generation` of the merged vertex, which drops its old entries (new ones are pushed), and the
-// `touched` count of its neighbours, whose entries are evaluated again only when they come to the top.
+// Lazy queue. A collapse bumps the `generation` of the merged vertex, which drops its old entries
+// (new ones are pushed), and the `touched` count of its neighbours, whose entries are evaluated
+// again only when they come to the top.
 typedef struct queue_entry {
     float cost;
     uint32_t a, b;
@@ -77,7 +78,6 @@ static void heap_build(struct hw_collapse_queue *q)
 
 // ---- connectivity ----------------------------------------------------------------------------
 
-
 static bool face_has(const uint32_t face[3], uint32_t v)
 {
     return face[0] == v || face[1] == v || face[2] == v;
@@ -91,7 +91,8 @@ static uint32_t shared_faces(const hw_collapser *c, uint32_t a, uint32_t b)
     return n;
 }
 
-uint32_t hw_collapser_star(const hw_collapser *c, uint32_t a, uint32_t b, uint32_t *faces, uint32_t capacity)
+uint32_t hw_collapser_star(const hw_collapser *c, uint32_t a, uint32_t b, uint32_t *faces,
+                           uint32_t capacity)
 {
     uint32_t n = 0;
     for (uint32_t k = c->first_corner[a]; k != HW_NO_VERTEX; k = c->next_corner[k]) {
@@ -122,8 +123,8 @@ static uint32_t mark_neighbours(const hw_collapser *c, uint32_t v)
     return value;
 }
 
-// The link condition: the ends of an edge share exactly the vertices opposite to it, and two border vertices are joined only along
-// the border; else the collapse would pinch the surface.
+// The link condition: the ends of an edge share exactly the vertices opposite to it, and two border
+// vertices are joined only along the border; else the collapse would pinch the surface.
 static bool topology_allows(const hw_collapser *c, uint32_t a, uint32_t b, uint32_t shared)
 {
     struct hw_collapse_queue *q = c->queue;
@@ -152,7 +153,8 @@ static void face_normal(const double *p, const double *q, const double *r, doubl
     n[2] = e[0] * f[1] - e[1] * f[0];
 }
 
-// Face flip: no remaining face round v may turn by more than about 78 degrees (cosine 0.2) or lose its area.
+// Face flip: no remaining face round v may turn by more than about 78 degrees (cosine 0.2) or lose
+// its area.
 static bool faces_stay(const hw_collapser *c, uint32_t v, uint32_t other, const double position[3])
 {
     for (uint32_t k = c->first_corner[v]; k != HW_NO_VERTEX; k = c->next_corner[k]) {
@@ -184,8 +186,8 @@ static void link_faces(hw_collapser *c, const uint32_t *indices, uint32_t face_c
     memset(c->first_corner, 0xff, c->vertex_count * sizeof *c->first_corner);
     for (uint32_t f = 0; f < face_count; f++) {
         const uint32_t *in = indices + 3 * (size_t)f;
-        bool good = in[0] < c->vertex_count && in[1] < c->vertex_count && in[2] < c->vertex_count && in[0] != in[1] &&
-                    in[1] != in[2] && in[2] != in[0];
+        bool good = in[0] < c->vertex_count && in[1] < c->vertex_count && in[2] < c->vertex_count &&
+                    in[0] != in[1] && in[1] != in[2] && in[2] != in[0];
         for (uint32_t i = 0; i < 3; i++) {
             c->faces[f][i] = good ? in[i] : HW_NO_VERTEX;
             if (!good)
@@ -197,7 +199,8 @@ static void link_faces(hw_collapser *c, const uint32_t *indices, uint32_t face_c
     }
 }
 
-// Marks the ends of open edges; locks the ends of edges with more than two faces, or whose two faces disagree in winding.
+// Marks the ends of open edges; locks the ends of edges with more than two faces, or whose two
+// faces disagree in winding.
 static void examine_edges(hw_collapser *c)
 {
     for (uint32_t f = 0; f < c->face_count; f++) {
@@ -219,8 +222,9 @@ static void examine_edges(hw_collapser *c)
     }
 }
 
-hw_status hw_collapser_create(const double (*positions)[3], uint32_t vertex_count, const uint32_t *indices,
-                              uint32_t face_count, const bool *locked, hw_complex_edges complex, hw_collapser **out)
+hw_status hw_collapser_create(const double (*positions)[3], uint32_t vertex_count,
+                              const uint32_t *indices, uint32_t face_count, const bool *locked,
+                              hw_complex_edges complex, hw_collapser **out)
 {
     hw_status status;
     hw_collapser *c = NULL;
@@ -284,7 +288,8 @@ void hw_collapser_destroy(hw_collapser *c)
 
 // ---- running ---------------------------------------------------------------------------------
 
-static queue_entry make_entry(const hw_collapser *c, const hw_metric *metric, uint32_t a, uint32_t b)
+static queue_entry make_entry(const hw_collapser *c, const hw_metric *metric, uint32_t a,
+                              uint32_t b)
 {
     if (a > b) {
         uint32_t t = a;
@@ -329,14 +334,17 @@ static hw_status fill_queue(hw_collapser *c, const hw_metric *metric)
 static bool whole_component(const hw_collapser *c, uint32_t kept, uint32_t removed, uint32_t shared)
 {
     return shared == 2 && hw_collapser_star(c, kept, removed, NULL, 0) == 4 &&
-           hw_collapser_star(c, kept, HW_NO_VERTEX, NULL, 0) == 3 && hw_collapser_star(c, removed, HW_NO_VERTEX, NULL, 0) == 3;
+           hw_collapser_star(c, kept, HW_NO_VERTEX, NULL, 0) == 3 &&
+           hw_collapser_star(c, removed, HW_NO_VERTEX, NULL, 0) == 3;
 }
 
-static bool collapse_valid(const hw_collapser *c, uint32_t kept, uint32_t removed, const hw_collapse *collapse)
+static bool collapse_valid(const hw_collapser *c, uint32_t kept, uint32_t removed,
+                           const hw_collapse *collapse)
 {
     if (c->locked[removed])
         return false;
-    if (c->locked[kept] && memcmp(collapse->position, c->positions[kept], sizeof collapse->position) != 0)
+    if (c->locked[kept] &&
+        memcmp(collapse->position, c->positions[kept], sizeof collapse->position) != 0)
         return false;
     uint32_t shared = shared_faces(c, kept, removed);
     if (shared == 0 || shared > 2 || !topology_allows(c, kept, removed, shared))
@@ -345,7 +353,8 @@ static bool collapse_valid(const hw_collapser *c, uint32_t kept, uint32_t remove
         return false;
     if (whole_component(c, kept, removed, shared))
         return c->live_faces > 4; // a closed speck may vanish, but not the whole mesh
-    return faces_stay(c, kept, removed, collapse->position) && faces_stay(c, removed, kept, collapse->position);
+    return faces_stay(c, kept, removed, collapse->position) &&
+           faces_stay(c, removed, kept, collapse->position);
 }
 
 static void unlink_corner(hw_collapser *c, uint32_t v, uint32_t face)
@@ -431,8 +440,9 @@ static hw_status requeue(hw_collapser *c, const hw_metric *metric, uint32_t v)
     return HW_OK;
 }
 
-// A forbidden collapse may become possible when its neighbourhood has changed: it is tried again once the queue has reached
-// twice its cost. Costs double each time, so that this ends (at infinity, or at the caller's limit).
+// A forbidden collapse may become possible when its neighbourhood has changed: it is tried again
+// once the queue has reached twice its cost. Costs double each time, so that this ends (at
+// infinity, or at the caller's limit).
 static hw_status retry_later(struct hw_collapse_queue *q, queue_entry entry)
 {
     float next = q->count > 0 ? q->heap[0].cost : entry.cost;
@@ -465,11 +475,13 @@ static hw_status step(hw_collapser *c, const hw_metric *metric)
     return requeue(c, metric, kept);
 }
 
-hw_status hw_collapser_run(hw_collapser *c, const hw_metric *metric, const hw_collapse_limits *limits)
+hw_status hw_collapser_run(hw_collapser *c, const hw_metric *metric,
+                           const hw_collapse_limits *limits)
 {
     if (!c->queue->filled)
         HW_TRY(fill_queue(c, metric));
-    while (c->live_faces > limits->faces && c->queue->count > 0 && c->queue->heap[0].cost <= limits->cost)
+    while (c->live_faces > limits->faces && c->queue->count > 0 &&
+           c->queue->heap[0].cost <= limits->cost)
         HW_TRY(step(c, metric));
     return HW_OK;
 }

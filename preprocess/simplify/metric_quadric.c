@@ -5,13 +5,16 @@
 #include <math.h>
 #include <string.h>
 
-// Border edges count as planes through the edge, upright on their face, with this many times the area of the square on the edge.
+// Border edges count as planes through the edge, upright on their face, with this many times the
+// area of the square on the edge.
 #define BORDER_WEIGHT 4.0
 
-static double normal_of(const hw_collapser *c, const uint32_t face[3], const double origin[3], double n[3], double *d)
+static double normal_of(const hw_collapser *c, const uint32_t face[3], const double origin[3],
+                        double n[3], double *d)
 {
     const double *p = c->positions[face[0]], *q = c->positions[face[1]], *r = c->positions[face[2]];
-    double e[3] = {q[0] - p[0], q[1] - p[1], q[2] - p[2]}, f[3] = {r[0] - p[0], r[1] - p[1], r[2] - p[2]};
+    double e[3] = {q[0] - p[0], q[1] - p[1], q[2] - p[2]},
+           f[3] = {r[0] - p[0], r[1] - p[1], r[2] - p[2]};
     n[0] = e[1] * f[2] - e[2] * f[1];
     n[1] = e[2] * f[0] - e[0] * f[2];
     n[2] = e[0] * f[1] - e[1] * f[0];
@@ -34,8 +37,8 @@ static uint32_t faces_on_edge(const hw_collapser *c, uint32_t a, uint32_t b)
 }
 
 // Planes through those edges of the face that have no other face.
-static void add_borders(hw_quadric *q, const hw_collapser *c, const uint32_t face[3], const double n[3],
-                        const double origin[3])
+static void add_borders(hw_quadric *q, const hw_collapser *c, const uint32_t face[3],
+                        const double n[3], const double origin[3])
 {
     for (int i = 0; i < 3; i++) {
         uint32_t a = face[i], b = face[(i + 1) % 3];
@@ -43,19 +46,23 @@ static void add_borders(hw_quadric *q, const hw_collapser *c, const uint32_t fac
             continue;
         const double *p = c->positions[a], *r = c->positions[b];
         double e[3] = {r[0] - p[0], r[1] - p[1], r[2] - p[2]};
-        double m[3] = {e[1] * n[2] - e[2] * n[1], e[2] * n[0] - e[0] * n[2], e[0] * n[1] - e[1] * n[0]};
+        double m[3] = {e[1] * n[2] - e[2] * n[1], e[2] * n[0] - e[0] * n[2],
+                       e[0] * n[1] - e[1] * n[0]};
         double l = sqrt(m[0] * m[0] + m[1] * m[1] + m[2] * m[2]);
         if (!(l > 0))
             continue;
         for (int k = 0; k < 3; k++)
             m[k] /= l;
-        double d = -(m[0] * (p[0] - origin[0]) + m[1] * (p[1] - origin[1]) + m[2] * (p[2] - origin[2]));
+        double d =
+            -(m[0] * (p[0] - origin[0]) + m[1] * (p[1] - origin[1]) + m[2] * (p[2] - origin[2]));
         hw_quadric_add_plane(q, m, d, BORDER_WEIGHT * l * l);
     }
 }
 
-// Placement for an edge: the minimiser near the middle, else the best of both ends and the middle; a locked end stays.
-static void place(const hw_collapser *c, const hw_quadric *q, uint32_t a, uint32_t b, const double origin[3], hw_collapse *out)
+// Placement for an edge: the minimiser near the middle, else the best of both ends and the middle;
+// a locked end stays.
+static void place(const hw_collapser *c, const hw_quadric *q, uint32_t a, uint32_t b,
+                  const double origin[3], hw_collapse *out)
 {
     const double *p = c->positions[a], *r = c->positions[b];
     double ends[3][3], best[3];
@@ -91,7 +98,8 @@ static void place(const hw_collapser *c, const hw_quadric *q, uint32_t a, uint32
 
 // ---- memoryless ------------------------------------------------------------------------------
 
-static void evaluate_memoryless(void *context, const hw_collapser *c, uint32_t a, uint32_t b, hw_collapse *out)
+static void evaluate_memoryless(void *context, const hw_collapser *c, uint32_t a, uint32_t b,
+                                hw_collapse *out)
 {
     const float *importance = context;
     uint32_t star[HW_STAR_MAX];
@@ -113,9 +121,11 @@ static void evaluate_memoryless(void *context, const hw_collapser *c, uint32_t a
         add_borders(&q, c, face, n, origin);
     }
     place(c, &q, a, b, origin, out);
-    // Among flat places the shorter edge goes first: a hundred-thousandth of its length keeps faces well shaped.
+    // Among flat places the shorter edge goes first: a hundred-thousandth of its length keeps faces
+    // well shaped.
     const double *r = c->positions[b];
-    double l2 = (p[0] - r[0]) * (p[0] - r[0]) + (p[1] - r[1]) * (p[1] - r[1]) + (p[2] - r[2]) * (p[2] - r[2]);
+    double l2 = (p[0] - r[0]) * (p[0] - r[0]) + (p[1] - r[1]) * (p[1] - r[1]) +
+                (p[2] - r[2]) * (p[2] - r[2]);
     out->cost += 1e-9 * l2 * q.weight;
 }
 
@@ -171,7 +181,8 @@ void hw_qem_destroy(hw_qem *qem)
     hw_free(qem);
 }
 
-static void evaluate_qem(void *context, const hw_collapser *c, uint32_t a, uint32_t b, hw_collapse *out)
+static void evaluate_qem(void *context, const hw_collapser *c, uint32_t a, uint32_t b,
+                         hw_collapse *out)
 {
     const hw_qem *qem = context;
     const double origin[3] = {0, 0, 0};

@@ -34,7 +34,8 @@ void hw_quadric_add_plane(hw_quadric *q, const double n[3], double d, double w)
 double hw_quadric_at(const hw_quadric *q, const double x[3])
 {
     double e = x[0] * (q->a00 * x[0] + 2 * (q->a01 * x[1] + q->a02 * x[2] + q->b0)) +
-               x[1] * (q->a11 * x[1] + 2 * (q->a12 * x[2] + q->b1)) + x[2] * (q->a22 * x[2] + 2 * q->b2) + q->c;
+               x[1] * (q->a11 * x[1] + 2 * (q->a12 * x[2] + q->b1)) +
+               x[2] * (q->a22 * x[2] + 2 * q->b2) + q->c;
     return e > 0 ? e : 0;
 }
 

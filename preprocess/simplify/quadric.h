@@ -1,5 +1,6 @@
-// Quadrics: sums of squared distances to weighted planes, E(x) = x'Ax + 2 b'x + c (Garland and Heckbert 1997), relative to an origin near the
-// geometry so that cancellation does not eat the small errors.
+// Quadrics: sums of squared distances to weighted planes, E(x) = x'Ax + 2 b'x + c (Garland and
+// Heckbert 1997), relative to an origin near the geometry so that cancellation does not eat the
+// small errors.
 #pragma once
 #include <stdbool.h>
 
@@ -11,5 +12,6 @@ void hw_quadric_add(hw_quadric *q, const hw_quadric *other);
 // Adds weight * (squared distance to the plane n . x + d = 0), n of unit length.
 void hw_quadric_add_plane(hw_quadric *q, const double n[3], double d, double weight);
 double hw_quadric_at(const hw_quadric *q, const double x[3]);
-// The minimiser, drawn weakly towards `guide` where the quadric is flat. False if there is no reasonable one within `radius` of guide.
+// The minimiser, drawn weakly towards `guide` where the quadric is flat. False if there is no
+// reasonable one within `radius` of guide.
 bool hw_quadric_minimise(const hw_quadric *q, const double guide[3], double radius, double x[3]);

@@ -4,14 +4,14 @@
 #include <stdbool.h>
 #include <string.h>
 
-#define NONE UINT32_MAX
+#define NONE           UINT32_MAX
 #define EDGE_FACES_MAX 16
 
 typedef struct splitter {
     const double (*positions)[3];
     const uint32_t *indices;
     uint32_t *first_corner, *next_corner; // corners round each vertex
-    uint32_t *parent;                     // union-find over corners: those of one fan are one vertex
+    uint32_t *parent; // union-find over corners: those of one fan are one vertex
 } splitter;
 
 // A half-edge on the edge (a, b) under study.
@@ -55,7 +55,8 @@ static uint32_t gather(const splitter *s, uint32_t a, uint32_t b, spoke *spokes)
 {
     uint32_t n = 0;
     for (uint32_t c = s->first_corner[a]; c != NONE; c = s->next_corner[c]) {
-        bool forward = s->indices[next_in_face(c)] == b, backward = s->indices[previous_in_face(c)] == b;
+        bool forward = s->indices[next_in_face(c)] == b,
+             backward = s->indices[previous_in_face(c)] == b;
         if (!forward && !backward)
             continue;
         if (n == EDGE_FACES_MAX)
@@ -96,8 +97,8 @@ static void measure_angles(const splitter *s, uint32_t a, uint32_t b, spoke *spo
     }
 }
 
-// The backward half-edge that bounds the same solid as the forward one: a face a -> b has its outside towards rising angles, so
-// the solid reaches down to the next face below.
+// The backward half-edge that bounds the same solid as the forward one: a face a -> b has its
+// outside towards rising angles, so the solid reaches down to the next face below.
 static uint32_t partner(const spoke *spokes, uint32_t n, uint32_t forward)
 {
     uint32_t best = NONE;
@@ -140,7 +141,8 @@ static void join_across(splitter *s, uint32_t a, uint32_t b)
 
 static bool face_good(const uint32_t *t, uint32_t vertex_count)
 {
-    return t[0] < vertex_count && t[1] < vertex_count && t[2] < vertex_count && t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
+    return t[0] < vertex_count && t[1] < vertex_count && t[2] < vertex_count && t[0] != t[1] &&
+           t[1] != t[2] && t[2] != t[0];
 }
 
 static void link_corners(splitter *s, uint32_t vertex_count, uint32_t face_count)
@@ -155,8 +157,9 @@ static void link_corners(splitter *s, uint32_t vertex_count, uint32_t face_count
     }
 }
 
-// Two faces on the same vertices with opposite windings enclose nothing: both go (their indices become NONE). Scans merged from
-// range images are full of such flaps, and each makes edges of four faces.
+// Two faces on the same vertices with opposite windings enclose nothing: both go (their indices
+// become NONE). Scans merged from range images are full of such flaps, and each makes edges of four
+// faces.
 static void cancel_flaps(splitter *s, uint32_t *indices, uint32_t face_count, uint32_t vertex_count)
 {
     for (uint32_t f = 0; f < face_count; f++) {
@@ -165,7 +168,8 @@ static void cancel_flaps(splitter *s, uint32_t *indices, uint32_t face_count, ui
             continue;
         for (uint32_t c = s->first_corner[t[0]]; c != NONE; c = s->next_corner[c]) {
             uint32_t *u = indices + c / 3 * 3;
-            if (u == t || u[0] == NONE || u[c % 3] != t[0] || u[(c + 1) % 3] != t[2] || u[(c + 2) % 3] != t[1])
+            if (u == t || u[0] == NONE || u[c % 3] != t[0] || u[(c + 1) % 3] != t[2] ||
+                u[(c + 2) % 3] != t[1])
                 continue;
             memset(t, 0xff, 3 * sizeof *t);
             memset(u, 0xff, 3 * sizeof *u);
@@ -203,8 +207,8 @@ out:
     return status;
 }
 
-hw_status hw_split_sheets(const double (*positions)[3], uint32_t vertex_count, const uint32_t *indices, uint32_t face_count,
-                          hw_split *out)
+hw_status hw_split_sheets(const double (*positions)[3], uint32_t vertex_count,
+                          const uint32_t *indices, uint32_t face_count, hw_split *out)
 {
     hw_status status;
     splitter s = {.positions = positions, .indices = indices};

@@ -216,11 +216,11 @@ static void test_bad_levels(void **state)
         if (k == 1)
             bad[2].error_rms = 0.4f; // falls
         if (k == 2)
-            bad[2].error_max = NAN;
+            bad[2].error_p99 = NAN;
         if (k == 3)
             bad[1].error_silhouette = -1;
         if (k == 4)
-            bad[1].error_max = INFINITY;
+            bad[1].error_p99 = INFINITY;
         if (k == 5)
             bad[1].vertex_count--;
         if (k == 6)

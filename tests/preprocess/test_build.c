@@ -1,4 +1,5 @@
-// The build on a small made-up scene: what it writes, that threads and interruptions do not change a byte, and what bad input does.
+// The build on a small made-up scene: what it writes, that threads and interruptions do not change
+// a byte, and what bad input does.
 #include "alloc.h"
 #include "build.h"
 #include "build_cell.h"
@@ -31,7 +32,8 @@ static int make_scene(void **state)
     (void)state;
     hw_log_set_quiet(true);
     hw_mesh meshes[3];
-    hw_mat4 transforms[3] = {hw_mat4_translation(0, 0, 6), hw_mat4_translation(400, 10, 6), hw_mat4_translation(0, 420, 6)};
+    hw_mat4 transforms[3] = {hw_mat4_translation(0, 0, 6), hw_mat4_translation(400, 10, 6),
+                             hw_mat4_translation(0, 420, 6)};
     for (int i = 0; i < 3; i++)
         meshes[i] = shape_sphere(hw_v3(0, 0, 0), 6, 48 + 4 * (uint32_t)i, 32);
     hw_scene scene = shape_scene(meshes, transforms, 3);
@@ -67,7 +69,8 @@ static void build(const hw_build_options *o, hw_build_report *report)
     assert_int_equal(status, HW_OK);
 }
 
-// Every file of both folders has the same bytes; build.json, which tells the time it took, is left out.
+// Every file of both folders has the same bytes; build.json, which tells the time it took, is left
+// out.
 static void assert_same_datasets(const char *a, const char *b)
 {
     char command[512];
@@ -94,7 +97,8 @@ static void objects_are_near_or_far_as_they_should(void **state)
         assert_int_equal(hw_cell_path(&path, "build_a", manifest.cells[i].id), HW_OK);
         assert_int_equal(hw_cell_read(path, &cell), HW_OK);
         hw_free(path);
-        // Every object is in exactly one of the two lists; one that meets the cell is near and whole.
+        // Every object is in exactly one of the two lists; one that meets the cell is near and
+        // whole.
         for (uint32_t k = 0; k < 3; k++) {
             uint32_t found = 0;
             bool meets = hw_cell_meets_box(&manifest.grid, cell.id, manifest.objects[k].bounds);
@@ -115,7 +119,8 @@ static void objects_are_near_or_far_as_they_should(void **state)
     hw_manifest_free(&manifest);
 }
 
-// Vertices of every stand-in lie on the sphere it stands for, within the pixel bounds of the policy seen from the cell.
+// Vertices of every stand-in lie on the sphere it stands for, within the pixel bounds of the policy
+// seen from the cell.
 static void far_meshes_lie_on_their_objects(void **state)
 {
     (void)state;
@@ -137,7 +142,8 @@ static void far_meshes_lie_on_their_objects(void **state)
                 h[r] = m.m[r] * p->x + m.m[4 + r] * p->y + m.m[8 + r] * p->z + m.m[12 + r];
             hw_vec3 world = hw_v3((float)(h[0] / h[3]), (float)(h[1] / h[3]), (float)(h[2] / h[3]));
             hw_vec3 centre = hw_box_centre(manifest.objects[record->object_idx].bounds);
-            // Interiors may be off by 2 px of parallax, focal * cell size * (1 / near - 1 / far), and a little more where patches meet.
+            // Interiors may be off by 2 px of parallax, focal * cell size * (1 / near - 1 / far),
+            // and a little more where patches meet.
             double off = fabs((double)hw_v3_length(hw_v3_sub(world, centre)) - 6);
             double depth = hw_v3_length(hw_v3_sub(centre, cell.centre));
             double parallax_px = 886.8 * manifest.grid.cell_size * off / (depth * depth);
@@ -171,7 +177,8 @@ static void threads_and_shards_change_no_byte(void **state)
 static void unfinished_build_goes_on(void **state)
 {
     (void)state;
-    // As a kill leaves it: no manifest, some cells gone, one half written under its own name, a temporary file.
+    // As a kill leaves it: no manifest, some cells gone, one half written under its own name, a
+    // temporary file.
     remove_tree("build_c");
     assert_int_equal(system("cp -r build_a build_c && rm build_c/manifest.json"), 0);
     DIR *dir = opendir("build_c/cells/0");
@@ -247,8 +254,8 @@ static void bad_input_is_named(void **state)
     assert_non_null(strstr(hw_error_text(), SCENE));
 }
 
-// One file operation fails, as on a full disk: either nothing was lost by it, or there is an error that names the file and no manifest; and
-// the next run ends with the right bytes.
+// One file operation fails, as on a full disk: either nothing was lost by it, or there is an error
+// that names the file and no manifest; and the next run ends with the right bytes.
 static void failing_writes_lose_nothing(void **state)
 {
     (void)state;

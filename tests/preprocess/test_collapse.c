@@ -280,7 +280,8 @@ static void hostile_meshes_are_survived(void **state)
                               {0, 0, 1}, {5, 5, 5}, {1, 1, 0}};
     const uint32_t indices[] = {0, 1, 2, 1, 0, 3, 0, 1, 4, 0, 1, 99, 2, 2, 1, 0, 1, 2, 1, 6, 2};
     hw_collapser *c = NULL;
-    assert_int_equal(hw_collapser_create((const double(*)[3])positions, 7, indices, 7, NULL, HW_COMPLEX_LOCK, &c),
+    assert_int_equal(hw_collapser_create((const double(*)[3])positions, 7, indices, 7, NULL,
+                                         HW_COMPLEX_LOCK, &c),
                      HW_OK);
     assert_int_equal(c->live_faces, 5);
     assert_true(c->locked[0] && c->locked[1]);
@@ -291,20 +292,26 @@ static void hostile_meshes_are_survived(void **state)
         assert_true(out[i] < n);
     hw_collapser_destroy(c);
 
-    assert_int_equal(hw_collapser_create((const double(*)[3])positions, 0, indices, 0, NULL, HW_COMPLEX_SPLIT, &c),
+    assert_int_equal(hw_collapser_create((const double(*)[3])positions, 0, indices, 0, NULL,
+                                         HW_COMPLEX_SPLIT, &c),
                      HW_OK);
     run(c, hw_metric_quadric(NULL), 0, INFINITY);
     hw_collapser_destroy(c);
 }
 
-// Two tetrahedra that touch along an edge (four faces on it) come apart into two closed ones; one vertex shared by two tetrahedra too.
+// Two tetrahedra that touch along an edge (four faces on it) come apart into two closed ones; one
+// vertex shared by two tetrahedra too.
 static void touching_sheets_are_split(void **state)
 {
     (void)state;
-    double positions[7][3] = {{0, 0, 0}, {0, 0, 1}, {1, -1, 0.5}, {1, 1, 0.5}, {-1, 1, 0.5}, {-1, -1, 0.5}, {0, 0, 0}};
-    const uint32_t edge[] = {0, 3, 2, 0, 1, 3, 0, 2, 1, 1, 2, 3, 0, 5, 4, 0, 1, 5, 0, 4, 1, 1, 4, 5};
+    double positions[7][3] = {{0, 0, 0},    {0, 0, 1},     {1, -1, 0.5}, {1, 1, 0.5},
+                              {-1, 1, 0.5}, {-1, -1, 0.5}, {0, 0, 0}};
+    const uint32_t edge[] = {0, 3, 2, 0, 1, 3, 0, 2, 1, 1, 2, 3,
+                             0, 5, 4, 0, 1, 5, 0, 4, 1, 1, 4, 5};
     hw_collapser *c = NULL;
-    assert_int_equal(hw_collapser_create((const double(*)[3])positions, 7, edge, 8, NULL, HW_COMPLEX_SPLIT, &c), HW_OK);
+    assert_int_equal(
+        hw_collapser_create((const double(*)[3])positions, 7, edge, 8, NULL, HW_COMPLEX_SPLIT, &c),
+        HW_OK);
     assert_int_equal(c->vertex_count, 9); // both ends of the edge are doubled
     assert_closed_manifold(c);
     for (uint32_t v = 0; v < c->vertex_count; v++)
@@ -315,12 +322,17 @@ static void touching_sheets_are_split(void **state)
             for (int k = 0; k < 9; k++)
                 assert_int_not_equal(c->faces[f][k / 3], c->faces[g][k % 3]);
     hw_collapser_destroy(c);
-    assert_int_equal(hw_collapser_create((const double(*)[3])positions, 7, edge, 8, NULL, HW_COMPLEX_LOCK, &c), HW_OK);
+    assert_int_equal(
+        hw_collapser_create((const double(*)[3])positions, 7, edge, 8, NULL, HW_COMPLEX_LOCK, &c),
+        HW_OK);
     assert_true(c->locked[0] && c->locked[1] && !c->locked[2]);
     hw_collapser_destroy(c);
 
-    const uint32_t point[] = {0, 2, 3, 0, 3, 1, 0, 1, 2, 1, 3, 2, 0, 4, 5, 0, 5, 6, 0, 6, 4, 6, 5, 4};
-    assert_int_equal(hw_collapser_create((const double(*)[3])positions, 7, point, 8, NULL, HW_COMPLEX_SPLIT, &c), HW_OK);
+    const uint32_t point[] = {0, 2, 3, 0, 3, 1, 0, 1, 2, 1, 3, 2,
+                              0, 4, 5, 0, 5, 6, 0, 6, 4, 6, 5, 4};
+    assert_int_equal(
+        hw_collapser_create((const double(*)[3])positions, 7, point, 8, NULL, HW_COMPLEX_SPLIT, &c),
+        HW_OK);
     assert_int_equal(c->vertex_count, 8);
     assert_int_equal(c->source[7], 0);
     hw_collapser_destroy(c);
@@ -342,8 +354,8 @@ static void specks_and_flaps_vanish(void **state)
     hw_collapser *c = create(&t, NULL);
     assert_true(c->locked[s.vertex_count]); // kept as it is: the flap makes complex edges
     hw_collapser_destroy(c);
-    assert_int_equal(hw_collapser_create((const double(*)[3])t.positions, t.vertex_count, t.indices, t.face_count, NULL,
-                                         HW_COMPLEX_SPLIT, &c),
+    assert_int_equal(hw_collapser_create((const double(*)[3])t.positions, t.vertex_count, t.indices,
+                                         t.face_count, NULL, HW_COMPLEX_SPLIT, &c),
                      HW_OK);
     assert_int_equal(c->live_faces, s.face_count + 4);
     run(c, hw_metric_quadric(NULL), s.face_count, INFINITY);

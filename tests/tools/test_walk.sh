@@ -1,7 +1,7 @@
 #!/bin/bash
 # hexwalk walk as a person uses it: a window on a virtual display, keys, screenshots. Exits with 77
 # (skipped) where Xvfb or xdotool is missing.
-#   walk_xvfb.sh PROGRAM
+#   test_walk.sh PROGRAM
 set -uo pipefail
 
 hexwalk=$(realpath "$1")
