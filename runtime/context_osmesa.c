@@ -8,6 +8,15 @@
 #define MAPPED_BYTES (4 << 20)
 #define KEPT_BYTES   (32 << 20)
 
+#ifdef __SANITIZE_ADDRESS__
+// OSMesa keeps some hundred bytes of every context for good.
+const char *__lsan_default_suppressions(void);
+const char *__lsan_default_suppressions(void)
+{
+    return "leak:libOSMesa\n";
+}
+#endif
+
 typedef struct osmesa_state {
     OSMesaContext context;
     uint8_t *pixels;

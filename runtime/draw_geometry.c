@@ -65,6 +65,7 @@ static hw_status draw_all(void *state, const hw_camera *camera, hw_frame_stats *
     hw_shaded_pass pass = {0};
     hw_ground_gl_begin();
     hw_ground_gl_draw(&g->scene.ground, &matrix, stats);
+    hw_gpu_pace_flush(&pass.pace);
     for (uint32_t i = 0; i < g->scene.object_count; i++)
         draw_object(g, &pass, i, &matrix, stats);
     hw_shaded_end(&pass);
@@ -79,6 +80,7 @@ static hw_status draw_culled(void *state, const hw_camera *camera, hw_frame_stat
     hw_shaded_pass pass = {0};
     hw_ground_gl_begin();
     hw_ground_gl_draw(&g->scene.ground, &matrix, stats);
+    hw_gpu_pace_flush(&pass.pace);
     uint32_t count = hw_shaded_scene_visible(&g->scene, camera, &frustum);
     for (uint32_t i = 0; i < count; i++)
         draw_object(g, &pass, g->scene.order[i].index, &matrix, stats);

@@ -13,6 +13,8 @@
 #define CELL_BYTES_BUDGET (UINT64_C(24) << 20) // of GPU memory, but the current cell always stays
 #define NEAR_BYTES_BUDGET (UINT64_C(96) << 20)
 
+#define RANGE_INDICES 30000u // of one draw call, whole triangles
+
 #define STRINGIZE(x) #x
 #define VALUE(x)     STRINGIZE(x)
 
@@ -55,6 +57,7 @@ typedef struct hybrid {
     GLuint far_program;
     GLint far_first_record;
     hw_gpu_buffer far_uniforms;
+    hw_gpu_pace pace;
     // Scratch for the records and near objects of any loaded cell; capacities in items.
     size_t near_capacity, far_capacity;
     uint32_t *visible;
@@ -127,10 +130,13 @@ static hw_status hybrid_create(const hw_renderer_desc *desc, hw_gpu_account *acc
     HW_GO(hw_strdup(&h->dataset, desc->dataset));
     HW_GO(hw_manifest_read(h->dataset, &h->manifest));
     HW_GO(HW_NEW(&h->objects, h->manifest.object_count));
-    for (uint32_t i = 0; i < h->manifest.object_count; i++)
+    hw_box bounds = hw_box_empty();
+    for (uint32_t i = 0; i < h->manifest.object_count; i++) {
         make_near_object(&h->manifest.objects[i], &h->objects[i]);
+        bounds = hw_box_union(bounds, h->manifest.objects[i].bounds);
+    }
     HW_GO(hw_near_meshes_create(account, h->dataset, &h->manifest, NEAR_BYTES_BUDGET, &h->meshes));
-    HW_GO(hw_ground_gl_create(account, &h->manifest.ground, &h->ground));
+    HW_GO(hw_ground_gl_create(account, &h->manifest.ground, bounds, &h->ground));
     HW_GO(make_near_program(NULL, &h->near_plain));
     HW_GO(make_near_program("#define TEXTURED\n", &h->near_textured));
     HW_GO(make_far_program(h));
@@ -297,27 +303,32 @@ static void draw_near(hybrid *h, uint32_t count, const hw_mat4 *matrix, hw_frame
                        hw_gpu_offset(0));
         stats->near_triangles += level->index_count / 3;
         stats->draws++;
+        hw_gpu_pace_add(&h->pace, level->index_count / 3);
     }
     glFrontFace(GL_CCW);
 }
 
 // ---- far objects -----------------------------------------------------------------------------
 
-// One range of indices: contiguous visible records.
-static void draw_range(const hw_cell_gpu *cell, uint32_t first, uint32_t end, hw_frame_stats *stats)
+// Contiguous visible records as one range of indices, in pieces that suit the pace.
+static void draw_range(hybrid *h, const hw_cell_gpu *cell, uint32_t first, uint32_t end,
+                       hw_frame_stats *stats)
 {
-    uint32_t first_index = cell->far[first].first_index;
-    uint32_t count = cell->far[end - 1].first_index + cell->far[end - 1].index_count - first_index;
-    if (count == 0)
-        return;
-    glDrawElements(GL_TRIANGLES, (GLsizei)count, GL_UNSIGNED_INT,
-                   hw_gpu_offset((size_t)first_index * sizeof(uint32_t)));
-    stats->far_triangles += count / 3;
-    stats->draws++;
+    uint32_t index = cell->far[first].first_index;
+    uint32_t index_end = cell->far[end - 1].first_index + cell->far[end - 1].index_count;
+    stats->far_triangles += (index_end - index) / 3;
+    while (index < index_end) {
+        uint32_t left = index_end - index, count = left < RANGE_INDICES ? left : RANGE_INDICES;
+        glDrawElements(GL_TRIANGLES, (GLsizei)count, GL_UNSIGNED_INT,
+                       hw_gpu_offset((size_t)index * sizeof(uint32_t)));
+        stats->draws++;
+        hw_gpu_pace_add(&h->pace, count / 3);
+        index += count;
+    }
 }
 
 // Draws the visible records [begin, end) of h->visible, all of one page.
-static void draw_page(const hybrid *h, const hw_cell_gpu *cell, uint32_t begin, uint32_t end,
+static void draw_page(hybrid *h, const hw_cell_gpu *cell, uint32_t begin, uint32_t end,
                       hw_frame_stats *stats)
 {
     uint32_t page = h->visible[begin] / HW_FAR_PAGE_RECORDS;
@@ -328,7 +339,7 @@ static void draw_page(const hybrid *h, const hw_cell_gpu *cell, uint32_t begin, 
     for (uint32_t i = begin + 1; i <= end; i++) {
         if (i < end && h->visible[i] == h->visible[i - 1] + 1)
             continue;
-        draw_range(cell, h->visible[start], h->visible[i - 1] + 1, stats);
+        draw_range(h, cell, h->visible[start], h->visible[i - 1] + 1, stats);
         start = i;
     }
 }
@@ -402,6 +413,7 @@ static hw_status hybrid_draw(void *state, const hw_camera *camera, hw_frame_stat
     HW_TRY(begin_frame(h, camera, stats, &view));
     hw_ground_gl_begin();
     hw_ground_gl_draw(&h->ground, &view.matrix, stats);
+    hw_gpu_pace_flush(&h->pace);
     draw_near(h, view.near_count, &view.matrix, stats);
     draw_far(h, view.cell, &view.matrix, &view.frustum, stats);
     glBindVertexArray(0);

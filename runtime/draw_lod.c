@@ -93,6 +93,7 @@ static hw_status lod_draw(void *state, const hw_camera *camera, hw_frame_stats *
     hw_shaded_pass pass = {0};
     hw_ground_gl_begin();
     hw_ground_gl_draw(&l->scene.ground, &matrix, stats);
+    hw_gpu_pace_flush(&pass.pace);
     uint32_t count = hw_shaded_scene_visible(&l->scene, camera, &frustum);
     for (uint32_t i = 0; i < count; i++) {
         hw_cull_item item = l->scene.order[i];

@@ -10,7 +10,8 @@
 #define VALUE(x)     STRINGIZE(x)
 #define CONSTANT(x)  "#define " #x " " VALUE(x) "\n"
 
-#define BAND_ROWS 32u // of a texture that is decoded, a multiple of 4
+#define PACE_TRIANGLES 10000u // between flushes
+#define BAND_ROWS      32u    // of a texture that is decoded, a multiple of 4
 
 // The constants exist once, in appearance.h. (In GLSL ES the first line would be
 // "#version 300 es\nprecision highp float;".)

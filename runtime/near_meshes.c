@@ -181,11 +181,6 @@ uint32_t hw_near_meshes_choose(const hw_near_meshes *m, uint32_t mesh_idx, doubl
     return level;
 }
 
-uint32_t hw_near_meshes_level_count(const hw_near_meshes *m, uint32_t mesh_idx)
-{
-    return m->meshes[mesh_idx].level_count;
-}
-
 GLuint hw_near_meshes_texture(const hw_near_meshes *m, int32_t texture_idx)
 {
     return texture_idx < 0 ? 0 : m->textures[texture_idx].name;

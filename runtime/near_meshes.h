@@ -29,8 +29,6 @@ HW_MUST_USE hw_status hw_near_meshes_open(hw_near_meshes *meshes, uint32_t mesh_
                                           int32_t texture_idx, hw_frame_stats *stats);
 // Of an opened mesh, the coarsest level whose surface error is at most `error` mesh units.
 uint32_t hw_near_meshes_choose(const hw_near_meshes *meshes, uint32_t mesh_idx, double error);
-// Number of levels of an opened mesh.
-uint32_t hw_near_meshes_level_count(const hw_near_meshes *meshes, uint32_t mesh_idx);
 // The level itself, marked as used in `frame`, loaded if it is not there (a stall, counted in
 // *stats): then levels not used in `frame` may be dropped. *out stays valid until the next frame.
 HW_MUST_USE hw_status hw_near_meshes_get(hw_near_meshes *meshes, uint32_t mesh_idx, uint32_t level,

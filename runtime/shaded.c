@@ -148,7 +148,7 @@ hw_status hw_shaded_scene_create(hw_gpu_account *account, const hw_scene *scene,
     HW_GO(hw_cull_set_create(&out->cull, count));
     HW_GO(make_program(NULL, &out->plain));
     HW_GO(make_program("#define TEXTURED\n", &out->textured));
-    HW_GO(hw_ground_gl_create(account, &scene->ground, &out->ground));
+    HW_GO(hw_ground_gl_create(account, &scene->ground, hw_scene_bounds(scene), &out->ground));
     out->texture_count = scene->material_count;
     for (uint32_t i = 0; i < scene->material_count; i++) {
         const hw_image *image = &scene->materials[i].texture;
@@ -225,6 +225,7 @@ void hw_shaded_draw(hw_shaded_pass *pass, const hw_shaded_scene *scene,
     glDrawElements(GL_TRIANGLES, (GLsizei)mesh->index_count, mesh->index_type, hw_gpu_offset(0));
     stats->triangles += mesh->index_count / 3;
     stats->draws++;
+    hw_gpu_pace_add(&pass->pace, mesh->index_count / 3);
 }
 
 void hw_shaded_end(hw_shaded_pass *pass)

@@ -63,6 +63,7 @@ typedef struct hw_shaded_pass {
     const hw_shaded_program *program;
     GLuint texture;
     bool mirrored;
+    hw_gpu_pace pace;
 } hw_shaded_pass;
 void hw_shaded_draw(hw_shaded_pass *pass, const hw_shaded_scene *scene,
                     const hw_shaded_object *object, const hw_shaded_mesh *mesh,

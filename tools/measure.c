@@ -205,7 +205,9 @@ static double median(double *values, uint32_t count)
     return (values[(count - 1) / 2] + values[count / 2]) / 2;
 }
 
-// All configurations take turns; the first round only warms up, the last one leaves the images.
+// All configurations take turns. As in a walk, where the frame before was of the same configuration, each turn draws the frame
+// once untimed and then timed: else a short frame would pay for what a long one of another configuration left in the caches. The
+// last round leaves the images.
 static hw_status time_frame(measurer *m, uint32_t frame, const hw_camera *camera)
 {
     hw_report *r = m->report;
@@ -214,13 +216,12 @@ static hw_status time_frame(measurer *m, uint32_t frame, const hw_camera *camera
         HW_TRY(hw_renderer_prepare(m->renderers[r->configs[c].config], camera, &stats));
         count_loading(&r->configs[c].samples[frame], &stats);
     }
-    for (uint32_t round = 0; round <= r->repeat; round++)
+    for (uint32_t round = 0; round < r->repeat; round++)
         for (uint32_t c = 0; c < r->config_count; c++) {
-            double ms;
-            HW_TRY(draw_timed(m, c, camera, &r->configs[c].samples[frame], &ms));
-            if (round > 0)
-                m->round_ms[c * ROUNDS_MAX + round - 1] = ms;
-            if (round == r->repeat)
+            double *ms = &m->round_ms[c * ROUNDS_MAX + round];
+            HW_TRY(draw_timed(m, c, camera, &r->configs[c].samples[frame], ms));
+            HW_TRY(draw_timed(m, c, camera, &r->configs[c].samples[frame], ms));
+            if (round + 1 == r->repeat)
                 HW_TRY(hw_target_read(m->target, &m->shots[c]));
         }
     for (uint32_t c = 0; c < r->config_count; c++)

@@ -499,10 +499,9 @@ static void put_method(hw_bytes_writer *w, const hw_report *r)
         "levels of detail, chosen for a projected error of at most %s px; C is the hybrid.</li>\n",
         hw_figure_number(a, r->lod_error_px, 2));
     put(w,
-        "<li>Frame time is the whole frame up to the end of glFinish, the median of %u rounds "
-        "after "
-        "a dropped one, configurations taking turns on the same frame in one process. Loading "
-        "before a frame is not in it.</li>\n",
+        "<li>Frame time is the whole frame up to the end of glFinish, the median of %u rounds, "
+        "configurations taking turns on the same frame in one process; in each turn the frame is "
+        "drawn once untimed before. Loading before a frame is not in it.</li>\n",
         r->repeat);
     put(w,
         "<li>Ground truth is B at one sample a pixel. The reference is the mean of %u such images, "

@@ -138,6 +138,22 @@ static void test_ground(void **state)
     hw_scene_free(&scene);
 }
 
+// Half sunk, an object shows its upper half only.
+static void test_ground_hides_what_is_below(void **state)
+{
+    (void)state;
+    hw_scene scene = cube_scene();
+    scene.ground = (hw_ground){true, {{-500, -500, 0}, {500, 500, 0}}, {0.4f, 0.6f, 0.2f}};
+    hw_camera camera = model_camera(hw_v3(0, -10, 0.5f), hw_v3(0, 1, 0), 256);
+    hw_image image = model_render(HW_CONFIG_B, &scene, &camera, 0, NULL);
+    // The front face is 9 away; the ground's line across it is half a unit below the eye.
+    uint32_t line = (uint32_t)(128 + 0.5 * hw_camera_focal_px(&camera) / 9);
+    assert_int_equal(model_pixel(&image, 128, line - 2)[3], 255);
+    assert_int_equal(model_pixel(&image, 128, line + 2)[3], 0);
+    hw_image_free(&image);
+    hw_scene_free(&scene);
+}
+
 // Spheres of several sizes, turned and scaled, all round the camera.
 static hw_scene sphere_scene(void)
 {
@@ -295,6 +311,7 @@ int main(void)
         cmocka_unit_test(test_mirrored),
         cmocka_unit_test(test_texture_orientation),
         cmocka_unit_test(test_ground),
+        cmocka_unit_test(test_ground_hides_what_is_below),
         cmocka_unit_test(test_culling_changes_nothing),
         cmocka_unit_test(test_levels_of_detail),
         cmocka_unit_test(test_draw_allocates_nothing),

@@ -221,15 +221,17 @@ static void write_cell(const fixture *f, hw_cell_id id, bool with_far)
         static const uint32_t pattern[6] = {0, 1, 3, 0, 3, 2};
         const far_quad *quad = &quads[q];
         float iz = 1 / quad->depth;
-        // The depth range is wider than the flat quad: iz is at 0.25 of it.
+        // The depth range is wider than the flat quad: iz lies at 1/4 or 3/4 of it.
+        float low = q == 0 ? 0.9f : 0.7f;
+        uint16_t z = q == 0 ? 16384 : 49151;
         cell.far[q] = (hw_far_record){NEAR_OBJECTS + q * 4,
                                       FACE,
                                       quad->x_min,
                                       quad->x_max,
                                       quad->y_min,
                                       quad->y_max,
-                                      iz * 0.9f,
-                                      iz * 1.3f,
+                                      iz * low,
+                                      iz * (low + 0.4f),
                                       hw_box_empty(),
                                       quad->rect,
                                       q * 4,
@@ -239,7 +241,7 @@ static void write_cell(const fixture *f, hw_cell_id id, bool with_far)
         for (uint32_t i = 0; i < 4; i++) {
             hw_box_add(&cell.far[q].bounds, quad_point(quad, cell.centre, i % 2, i / 2));
             cell.vertices[q * 4 + i] =
-                (hw_far_vertex){i % 2 ? 65535 : 0, i / 2 ? 65535 : 0, 16384, (uint16_t)q};
+                (hw_far_vertex){i % 2 ? 65535 : 0, i / 2 ? 65535 : 0, z, (uint16_t)q};
         }
         for (uint32_t i = 0; i < 6; i++)
             cell.indices[q * 6 + i] = q * 4 + pattern[i];
