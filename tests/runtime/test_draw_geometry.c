@@ -1,5 +1,7 @@
 // Configurations A, B and L: analytic places and colours, and that they agree with each other.
+#include "cull.h"
 #include "gpu.h"
+#include "lod_chain.h"
 #include "models.h"
 #include <stdlib.h>
 
@@ -233,6 +235,38 @@ static void test_levels_of_detail(void **state)
     hw_scene_free(&scene);
 }
 
+// The level is the coarsest one whose error, seen from the box's distance, is within the limit.
+static void test_level_by_projected_error(void **state)
+{
+    (void)state;
+    hw_scene scene = model_scene(1, 1);
+    hw_lod_chain chain;
+    const double px = 0.7;
+    uint32_t seen = 0, last = 0;
+    scene.meshes[0] = model_sphere(96, 48);
+    scene.objects[0].transform = hw_mat4_mul(hw_mat4_translation(0, 50, 0), hw_mat4_scale(3, 3, 3));
+    hw_scene_update_bounds(&scene);
+    assert_ok(hw_lod_chain_make(&scene.meshes[0], &chain));
+    for (float y = 46; y > -3000; y = y * 1.4f - 30) {
+        hw_camera camera = model_camera(hw_v3(0, y, 0), hw_v3(0, 1, 0), 512);
+        double distance = hw_box_distance(scene.objects[0].bounds, camera.eye);
+        double pixels = 3 * hw_camera_focal_px(&camera) / distance; // of a unit of the mesh
+        uint32_t level = 0;
+        while (level + 1 < chain.count && chain.levels[level + 1].error * pixels <= px)
+            level++;
+        hw_frame_stats stats;
+        hw_image image = model_render(HW_CONFIG_L, &scene, &camera, px, &stats);
+        hw_image_free(&image);
+        assert_int_equal(stats.triangles, chain.levels[level].mesh.index_count / 3);
+        assert_true(level >= last);
+        seen += level > last;
+        last = level;
+    }
+    assert_true(seen >= 4);
+    hw_lod_chain_free(&chain);
+    hw_scene_free(&scene);
+}
+
 static void test_draw_allocates_nothing(void **state)
 {
     (void)state;
@@ -314,6 +348,7 @@ int main(void)
         cmocka_unit_test(test_ground_hides_what_is_below),
         cmocka_unit_test(test_culling_changes_nothing),
         cmocka_unit_test(test_levels_of_detail),
+        cmocka_unit_test(test_level_by_projected_error),
         cmocka_unit_test(test_draw_allocates_nothing),
         cmocka_unit_test(test_failing_allocations),
         cmocka_unit_test(test_names),

@@ -8,6 +8,7 @@
 #include "image_io.h"
 #include "manifest.h"
 #include "mesh_file.h"
+#include "rng.h"
 #include <ftw.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -325,6 +326,109 @@ static hw_image render(const fixture *f, hw_renderer *renderer, const hw_camera 
     return image;
 }
 
+// ---- a crowd of far objects --------------------------------------------------------------------
+
+// Small upright squares all round the cell in six colours, more than two uniform blocks hold; the
+// same as a scene.
+#define CROWD 450u
+
+typedef struct crowd_square {
+    uint32_t face, color;
+    float depth, x, y, half; // image space at distance 1
+} crowd_square;
+
+static crowd_square crowd_place(uint32_t i)
+{
+    hw_rng rng = hw_rng_make(5, i);
+    crowd_square s = {.face = i * 5 % 6, .color = i % 6};
+    s.depth = 80 + 400 * hw_rng_float(&rng);
+    s.x = hw_rng_float(&rng) - 0.5f;
+    s.y = 0.3f * hw_rng_float(&rng);
+    s.half = 0.01f + 0.02f * hw_rng_float(&rng);
+    return s;
+}
+
+static hw_mesh crowd_mesh(const crowd_square *s, hw_vec3 centre)
+{
+    hw_mesh mesh = model_mesh(4, 6);
+    hw_vec3 a, r, up;
+    hw_face_basis((int)s->face, &a, &r, &up);
+    hw_vec3 d = hw_v3_mad(hw_v3_mad(a, r, s->x - s->half), up, s->y - s->half);
+    float side = 2 * s->half * s->depth;
+    model_face(&mesh, 0, hw_v3_mad(centre, d, s->depth), hw_v3_scale(r, side),
+               hw_v3_scale(up, side));
+    return mesh;
+}
+
+static hw_scene crowd_scene(hw_vec3 centre)
+{
+    hw_scene scene = model_scene(CROWD, CROWD);
+    for (uint32_t i = 0; i < CROWD; i++) {
+        crowd_square s = crowd_place(i);
+        hw_vec3 a, r, up;
+        hw_face_basis((int)s.face, &a, &r, &up);
+        scene.meshes[i] = crowd_mesh(&s, centre);
+        scene.objects[i].mesh_idx = scene.objects[i].material_idx = i;
+        for (int k = 0; k < 3; k++)
+            scene.materials[i].base_color[k] =
+                palette[s.color][k] / 255.0f / hw_light(hw_v3_scale(a, -1));
+    }
+    hw_scene_update_bounds(&scene);
+    return scene;
+}
+
+// Six fields of 8 x 8 texels, the squares' rectangles inside them.
+static void crowd_atlas(hw_cell *cell)
+{
+    hw_image image = {0};
+    assert_ok(hw_image_make(&image, 48, 8, 3));
+    for (uint32_t i = 0; i < 48 * 8; i++)
+        memcpy(image.data + (size_t)i * 3, palette[i % 48 / 8], 3);
+    cell->atlas_width = 48;
+    cell->atlas_height = 8;
+    assert_ok(HW_NEW(&cell->atlas_bc1, hw_bc1_bytes(48, 8)));
+    hw_bc1_encode(&image, cell->atlas_bc1);
+    hw_image_free(&image);
+}
+
+static void write_crowd(const fixture *f, hw_cell_id id, const hw_scene *scene)
+{
+    static const uint32_t pattern[6] = {0, 1, 3, 0, 3, 2};
+    hw_cell cell = {.id = id, .centre = hw_cell_centre(&f->manifest.grid, id), .far_count = CROWD};
+    char *path = NULL;
+    cell.vertex_count = CROWD * 4;
+    cell.index_count = CROWD * 6;
+    assert_ok(HW_NEW(&cell.far, CROWD));
+    assert_ok(HW_NEW(&cell.vertices, cell.vertex_count));
+    assert_ok(HW_NEW(&cell.indices, cell.index_count));
+    for (uint32_t i = 0; i < CROWD; i++) {
+        crowd_square s = crowd_place(i);
+        cell.far[i] = (hw_far_record){.face = s.face,
+                                      .x_min = s.x - s.half,
+                                      .x_max = s.x + s.half,
+                                      .y_min = s.y - s.half,
+                                      .y_max = s.y + s.half,
+                                      .iz_min = 1 / s.depth,
+                                      .iz_max = 1.5f / s.depth,
+                                      .bounds = scene->objects[i].bounds,
+                                      .rect = {s.color * 8 + 2, 2, 4, 4},
+                                      .first_vertex = i * 4,
+                                      .vertex_count = 4,
+                                      .first_index = i * 6,
+                                      .index_count = 6};
+        for (uint32_t k = 0; k < 4; k++)
+            cell.vertices[i * 4 + k] =
+                (hw_far_vertex){k % 2 ? 65535 : 0, k / 2 ? 65535 : 0, 0, (uint16_t)i};
+        for (uint32_t k = 0; k < 6; k++)
+            cell.indices[i * 6 + k] = i * 4 + pattern[k];
+    }
+    crowd_atlas(&cell);
+    assert_ok(hw_cell_path(&path, f->folder, id));
+    assert_ok(hw_cell_write(&cell, path));
+    hw_free(path);
+    hw_cell_free(&cell);
+}
+
 // ---- tests -----------------------------------------------------------------------------------
 
 // Whether the pixel lies between the darkest and the lightest of the truth's pixels round it.
@@ -412,6 +516,46 @@ static void test_texture_placement(void **state)
         hw_image_free(&image);
     }
     hw_renderer_destroy(renderer);
+}
+
+// Many records: pages, ranges and culling must leave every square in its place, and draw only those
+// in view.
+static void test_crowd(void **state)
+{
+    fixture *f = *state;
+    hw_cell_id id = hw_hexgrid_locate(&f->manifest.grid, 90, 20);
+    hw_vec3 centre = hw_cell_centre(&f->manifest.grid, id);
+    hw_scene scene = crowd_scene(centre);
+    write_crowd(f, id, &scene);
+    scene.ground = f->scene.ground;
+    hw_renderer *renderer = open_renderer(f);
+    for (int i = 0; i < 8; i++) {
+        double angle = i * 0.8;
+        hw_camera camera = model_camera(hw_v3_add(centre, hw_v3(3.0f * (float)i - 10, 5, 2)),
+                                        hw_v3((float)cos(angle), (float)sin(angle), 0.05f), SIZE);
+        hw_frame_stats stats;
+        hw_image image = render(f, renderer, &camera, &stats);
+        hw_image truth = model_render(HW_CONFIG_B, &scene, &camera, 0, NULL);
+        hw_mat4 matrix = hw_camera_view_projection(&camera);
+        hw_frustum frustum = hw_frustum_make(&matrix);
+        uint32_t visible = 0, objects = 0;
+        for (uint32_t k = 0; k < CROWD; k++)
+            visible += hw_frustum_meets_box(&frustum, scene.objects[k].bounds);
+        assert_int_equal(stats.far_triangles, visible * 2);
+        assert_true(visible > 20 && visible < CROWD / 2);
+        for (uint32_t p = 0; p < SIZE * SIZE; p++) {
+            const uint8_t *pixel = model_pixel(&image, p % SIZE, p / SIZE);
+            objects += pixel[3] == 255;
+            if (!is_near(&truth, pixel, p % SIZE, p / SIZE, 1))
+                fail_msg("view %d: pixel (%u, %u)", i, p % SIZE, p / SIZE);
+        }
+        assert_true(objects > 500);
+        hw_image_free(&image);
+        hw_image_free(&truth);
+    }
+    hw_renderer_destroy(renderer);
+    hw_scene_free(&scene);
+    write_cell(f, id, false);
 }
 
 static uint32_t sphere_triangles(uint32_t level)
@@ -611,6 +755,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_same_as_geometry),
         cmocka_unit_test(test_texture_placement),
+        cmocka_unit_test(test_crowd),
         cmocka_unit_test(test_near_levels),
         cmocka_unit_test(test_draw_allocates_nothing),
         cmocka_unit_test(test_cells_come_and_go),

@@ -110,6 +110,24 @@ static void test_chain(void **state)
     hw_mesh_free(&sphere);
 }
 
+// Errors are lengths of the mesh's own unit.
+static void test_errors_scale(void **state)
+{
+    (void)state;
+    hw_mesh sphere = model_sphere(48, 24);
+    hw_lod_chain small, large;
+    assert_ok(hw_lod_chain_make(&sphere, &small));
+    for (uint32_t i = 0; i < sphere.vertex_count; i++)
+        sphere.positions[i] = hw_v3_scale(sphere.positions[i], 256);
+    assert_ok(hw_lod_chain_make(&sphere, &large));
+    assert_int_equal(small.count, large.count);
+    for (uint32_t i = 1; i < small.count; i++)
+        assert_true(fabsf(large.levels[i].error / small.levels[i].error - 256) < 1);
+    hw_lod_chain_free(&small);
+    hw_lod_chain_free(&large);
+    hw_mesh_free(&sphere);
+}
+
 static void test_choose(void **state)
 {
     (void)state;
@@ -146,6 +164,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_reorder),
         cmocka_unit_test(test_chain),
+        cmocka_unit_test(test_errors_scale),
         cmocka_unit_test(test_choose),
         cmocka_unit_test(test_failing_allocations),
     };
