@@ -29,7 +29,7 @@ static struct {
              .samples = "1",
              .size = {1024, 1024},
              .reference_samples = 16,
-             .repeat = 3,
+             .repeat = 5,
              .lod_error = 1};
 
 static uint32_t fill_options(hw_option *out, uint32_t capacity)

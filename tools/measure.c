@@ -26,6 +26,8 @@ typedef struct measurer {
     float *luma_truth, *luma_reference, *luma[HW_REPORT_CONFIGS];
     uint32_t *sums;   // of the reference's samples, 3 a pixel
     uint8_t *mask;    // pixels that either image covers with an object
+    uint8_t *holes;   // pixels that truth covers with an object and the image does not
+    uint32_t *stack;  // for flooding them
     double *round_ms; // ROUNDS_MAX for each configuration
     size_t pixels;
 } measurer;
@@ -67,6 +69,8 @@ static hw_status make_buffers(measurer *m)
         HW_TRY(HW_NEW(&m->luma[c], m->pixels));
     HW_TRY(hw_alloc((void **)&m->sums, m->pixels, 3 * sizeof *m->sums));
     HW_TRY(HW_NEW(&m->mask, m->pixels));
+    HW_TRY(HW_NEW(&m->holes, m->pixels));
+    HW_TRY(HW_NEW(&m->stack, m->pixels));
     return HW_NEW(&m->round_ms, HW_REPORT_CONFIGS * ROUNDS_MAX);
 }
 
@@ -88,6 +92,8 @@ static void clean_up(measurer *m)
     hw_free(m->sums);
     hw_free(m->mask);
     hw_free(m->round_ms);
+    hw_free(m->holes);
+    hw_free(m->stack);
 }
 
 static hw_camera camera_of(const measurer *m, uint32_t tour_frame)
@@ -205,9 +211,10 @@ static double median(double *values, uint32_t count)
     return (values[(count - 1) / 2] + values[count / 2]) / 2;
 }
 
-// All configurations take turns. As in a walk, where the frame before was of the same configuration, each turn draws the frame
-// once untimed and then timed: else a short frame would pay for what a long one of another configuration left in the caches. The
-// last round leaves the images.
+// All configurations take turns. As in a walk, where the frame before was of the same
+// configuration, each turn draws the frame once untimed and then timed: else a short frame would
+// pay for what a long one of another configuration left in the caches. The last round leaves the
+// images.
 static hw_status time_frame(measurer *m, uint32_t frame, const hw_camera *camera)
 {
     hw_report *r = m->report;
@@ -249,6 +256,38 @@ static hw_status ssim(const measurer *m, const float *a, const float *b, const u
     return status == HW_USAGE ? HW_OK : status;
 }
 
+// Clears the hole round a pixel, through its four neighbours; returns how many pixels it had.
+static size_t flood_hole(measurer *m, size_t start)
+{
+    uint32_t width = m->report->width;
+    size_t count = 0, top = 0;
+    m->holes[start] = 0;
+    m->stack[top++] = (uint32_t)start;
+    while (top > 0) {
+        size_t p = m->stack[--top], x = p % width;
+        const bool inside[4] = {x > 0, x + 1 < width, p >= width, p + width < m->pixels};
+        const size_t next[4] = {p - 1, p + 1, p - width, p + width};
+        count++;
+        for (int i = 0; i < 4; i++) {
+            if (!inside[i] || !m->holes[next[i]])
+                continue;
+            m->holes[next[i]] = 0;
+            m->stack[top++] = (uint32_t)next[i];
+        }
+    }
+    return count;
+}
+
+static size_t largest_hole(measurer *m)
+{
+    size_t largest = 0;
+    for (size_t p = 0; p < m->pixels; p++) {
+        size_t count = m->holes[p] ? flood_hole(m, p) : 0;
+        largest = count > largest ? count : largest;
+    }
+    return largest;
+}
+
 static hw_status judge(measurer *m, uint32_t c, double *values)
 {
     const hw_image *image = &m->shots[c];
@@ -258,9 +297,11 @@ static hw_status judge(measurer *m, uint32_t c, double *values)
     for (size_t p = 0; p < m->pixels; p++) {
         uint8_t truth = m->truth.data[p * 4 + 3], own = image->data[p * 4 + 3];
         m->mask[p] = truth >= OPAQUE || own >= OPAQUE;
-        holes += truth >= OPAQUE && own == 0;
+        m->holes[p] = truth >= OPAQUE && own == 0;
+        holes += m->holes[p];
     }
     values[HW_METRIC_HOLE_PIXELS] = (double)holes;
+    values[HW_METRIC_HOLE_LARGEST] = (double)largest_hole(m);
     values[HW_METRIC_PSNR_1SPP] = psnr(luma, m->luma_truth, NULL, m->pixels);
     values[HW_METRIC_PSNR_OBJECTS] = psnr(luma, m->luma_truth, m->mask, m->pixels);
     values[HW_METRIC_PSNR_REFERENCE] = psnr(luma, m->luma_reference, NULL, m->pixels);

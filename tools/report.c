@@ -205,6 +205,7 @@ static void add_config(cJSON *configs, const hw_report_config *c)
     if (c->config != HW_CONFIG_C)
         return;
     add_summary(object, "hole_pixels", &s[HW_METRIC_HOLE_PIXELS], "mean,max");
+    add_summary(object, "hole_largest", &s[HW_METRIC_HOLE_LARGEST], "mean,max");
     cJSON *pop = cJSON_AddObjectToObject(object, "pop");
     add_number(pop, "mean", c->pop_mean);
     add_number(pop, "max", c->pop_max);

@@ -26,6 +26,7 @@
     X(SSIM_REFERENCE, ssim_reference)                                                              \
     X(SSIM_OBJECTS, ssim_objects)                                                                  \
     X(HOLE_PIXELS, hole_pixels)                                                                    \
+    X(HOLE_LARGEST, hole_largest)                                                                  \
     X(LOAD_BYTES, load_bytes)                                                                      \
     X(LOAD_MS, load_ms)                                                                            \
     X(STALLS, stalls)

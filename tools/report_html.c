@@ -315,6 +315,9 @@ static void put_hybrid(hw_bytes_writer *w, const hw_report *r)
     put_fact(w, "Hole pixels a frame", "mean %s, most %s",
              hw_figure_number(a, s[HW_METRIC_HOLE_PIXELS].mean, 3),
              hw_figure_count(b, s[HW_METRIC_HOLE_PIXELS].max));
+    put_fact(w, "Largest connected hole", "mean %s, most %s pixels",
+             hw_figure_number(a, s[HW_METRIC_HOLE_LARGEST].mean, 3),
+             hw_figure_count(b, s[HW_METRIC_HOLE_LARGEST].max));
     if (r->popped_count > 0)
         put_fact(w, "Pop at a cell crossing", "mean %s, most %s luma RMS, of %u crossings",
                  hw_figure_number(a, c->pop_mean, 2), hw_figure_number(b, c->pop_max, 2),

@@ -167,6 +167,8 @@ static bool faces_stay(const hw_collapser *c, uint32_t v, uint32_t other, const 
         double before[3], after[3];
         face_normal(p, q, r, before);
         face_normal(position, q, r, after);
+        if (c->upright && before[2] > 0 && after[2] <= 0)
+            return false;
         double bb = 0, aa = 0, ab = 0;
         for (int i = 0; i < 3; i++) {
             bb += before[i] * before[i];

@@ -25,6 +25,8 @@ typedef struct hw_collapser {
     uint32_t *next_corner;  // per corner
     bool *locked;           // per vertex: neither moved nor removed
     bool *border;           // per vertex: on an edge with one face only
+    bool upright; // set by the caller: faces that are counter-clockwise in x and y stay so (a patch
+                  // in image space keeps covering what it covers, without folds)
     struct hw_collapse_queue *queue;
 } hw_collapser;
 

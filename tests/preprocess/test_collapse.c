@@ -253,6 +253,53 @@ static void tolerance_is_a_distance(void **state)
     }
 }
 
+// An L of relief with its border held: with `upright` its projection covers the L and nothing else,
+// whatever the relief invites to.
+static void upright_patches_do_not_fold(void **state)
+{
+    (void)state;
+    shape s = grid(10);
+    uint32_t kept = 0;
+    for (uint32_t f = 0; f < s.face_count; f++) { // drop the upper right quarter
+        const uint32_t *t = s.indices + 3 * f;
+        double x = 0, y = 0;
+        for (int k = 0; k < 3; k++) {
+            x += s.positions[t[k]][0] / 3;
+            y += s.positions[t[k]][1] / 3;
+        }
+        if (x > 4 && y > 4)
+            continue;
+        memmove(s.indices + 3 * kept++, t, 3 * sizeof *t);
+    }
+    s.face_count = kept;
+    bool locked[121] = {0};
+    for (int i = 0; i < 121; i++) {
+        double x = s.positions[i][0], y = s.positions[i][1];
+        locked[i] = x == 0 || y == 0 || x == 10 || y == 10 || (x >= 4 && y >= 4);
+        s.positions[i][2] = 30 * sin(x * 1.7) * cos(y * 1.3);
+    }
+    hw_collapser *c = create(&s, locked);
+    hw_qem *qem = NULL;
+    assert_int_equal(hw_qem_create(c, &qem), HW_OK);
+    c->upright = true;
+    run(c, hw_metric_qem(qem), 0, 1e6);
+    assert_true(c->live_faces < kept);
+    double covered = 0;
+    for (uint32_t f = 0; f < c->face_count; f++) {
+        const uint32_t *t = c->faces[f];
+        if (t[0] == HW_NO_VERTEX)
+            continue;
+        const double *a = c->positions[t[0]], *b = c->positions[t[1]], *d = c->positions[t[2]];
+        double area2 = (b[0] - a[0]) * (d[1] - a[1]) - (b[1] - a[1]) * (d[0] - a[0]);
+        assert_true(area2 > 0);
+        covered += area2 / 2;
+    }
+    assert_true(fabs(covered - 64) < 1e-6);
+    hw_qem_destroy(qem);
+    hw_collapser_destroy(c);
+    shape_free(&s);
+}
+
 // Thesis 5.2.1: cost (1.5 - n.n)^2 l (w + w), and the vertex of smaller weight goes.
 static void viewcell_cost_is_the_formula(void **state)
 {
@@ -397,6 +444,7 @@ int main(void)
         cmocka_unit_test(flat_grid_keeps_its_outline),
         cmocka_unit_test(locked_vertices_stay),
         cmocka_unit_test(tolerance_is_a_distance),
+        cmocka_unit_test(upright_patches_do_not_fold),
         cmocka_unit_test(viewcell_cost_is_the_formula),
         cmocka_unit_test(hostile_meshes_are_survived),
         cmocka_unit_test(touching_sheets_are_split),

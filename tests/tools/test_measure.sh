@@ -72,7 +72,7 @@ for name, c in r["configs"].items():
                 assert same(c[key][part], v[pick] if v else None), (name, key, part)
     assert c["gpu_bytes_peak"] > 0 and c["rss_bytes_peak"] > 1e6, name
     assert c["psnr_reference"]["mean"] > 20 and c["ssim_reference"]["mean"] > 0.5, name
-    assert set(c) >= {"hole_pixels", "pop", "load"} or name != "C"
+    assert set(c) >= {"hole_pixels", "hole_largest", "pop", "load"} or name != "C"
 for pair, ratio in r["ratios"].items():
     a, b = pair.split("/")
     both = a in names and b in names
