@@ -77,6 +77,8 @@ static hw_status simplify_interior(const hw_svmesh_job *job, const bool *locked,
     HW_GO(hw_collapser_create((const double(*)[3])mesh->positions, mesh->vertex_count,
                               mesh->indices, front_indices / 3, locked, HW_COMPLEX_LOCK, &c));
     c->upright = true;
+    for (uint32_t v = 0; v < c->vertex_count; v++)
+        c->locked[v] |= c->border[v]; // open borders of the mesh itself
     HW_GO(hw_qem_create(c, &qem));
     hw_metric metric = hw_metric_qem(qem);
     hw_collapse_limits limits = {0, job->options->interior_px * job->options->interior_px};

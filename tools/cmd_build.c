@@ -10,7 +10,7 @@
 static const char *output, *json_file, *policy = "screen", *shard, *heights = "8:16";
 static uint64_t threads, levels = 1, texture_side = 1024;
 static double cell_size = 50, self_occlusion, edge_length = 4.5, near_error = 0.3,
-              outline_error = 0.08, interior_error = 4;
+              outline_error = 0.09, interior_error = 5;
 static atomic_bool stop;
 
 static uint32_t options(hw_option *out, uint32_t capacity)

@@ -332,10 +332,11 @@ static hw_status fill_queue(hw_collapser *c, const hw_metric *metric)
     return HW_OK;
 }
 
-// Whether the edge belongs to a lone tetrahedron, which vanishes with it.
+// Whether the edge belongs to a lone closed tetrahedron, which vanishes with it.
 static bool whole_component(const hw_collapser *c, uint32_t kept, uint32_t removed, uint32_t shared)
 {
-    return shared == 2 && hw_collapser_star(c, kept, removed, NULL, 0) == 4 &&
+    return shared == 2 && !c->border[kept] && !c->border[removed] && !c->locked[kept] &&
+           !c->locked[removed] && hw_collapser_star(c, kept, removed, NULL, 0) == 4 &&
            hw_collapser_star(c, kept, HW_NO_VERTEX, NULL, 0) == 3 &&
            hw_collapser_star(c, removed, HW_NO_VERTEX, NULL, 0) == 3;
 }
