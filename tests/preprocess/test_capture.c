@@ -137,7 +137,7 @@ static void test_samples_average_what_is_covered(void **state)
     hw_mesh mesh = square(1);
     assert_int_equal(HW_NEW(&mesh.colors, 4), HW_OK);
     for (int k = 0; k < 4; k++)
-        mesh.colors[k] = (hw_color8){200, 100, 50, 255};
+        mesh.colors[k] = (hw_color8){201, 101, 51, 255};
     hw_vec3 centre = hw_v3(0, 0, 0);
     stage s;
     set_stage(&s, &mesh, facing(0, centre, 10, 1), NULL);
