@@ -1,5 +1,7 @@
 #include "bytes.h"
 #include "alloc.h"
+#include <stdarg.h>
+#include <stdio.h>
 #include <string.h>
 
 hw_bytes_reader hw_bytes_reader_make(const void *data, size_t size)
@@ -145,6 +147,19 @@ void hw_put_f64(hw_bytes_writer *w, double v)
     uint64_t bits;
     memcpy(&bits, &v, sizeof bits);
     put_little_endian(w, bits, 8);
+}
+
+void hw_put_format(hw_bytes_writer *w, const char *format, ...)
+{
+    char text[1024];
+    va_list arguments;
+    va_start(arguments, format);
+    int n = vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    if (n < 0 || (size_t)n >= sizeof text)
+        w->failed = true;
+    else
+        hw_put_bytes(w, text, (size_t)n);
 }
 
 hw_status hw_bytes_writer_check(const hw_bytes_writer *w)

@@ -43,6 +43,8 @@ void hw_put_i32(hw_bytes_writer *w, int32_t v);
 void hw_put_f32(hw_bytes_writer *w, float v);
 void hw_put_f64(hw_bytes_writer *w, double v);
 void hw_put_bytes(hw_bytes_writer *w, const void *data, size_t size);
+// Formatted text without the final 0; up to 1023 bytes a call, longer text sets `failed`.
+void hw_put_format(hw_bytes_writer *w, const char *format, ...) HW_PRINTF(2, 3);
 // HW_MEMORY if any put failed.
 HW_MUST_USE hw_status hw_bytes_writer_check(const hw_bytes_writer *w);
 void hw_bytes_writer_free(hw_bytes_writer *w);

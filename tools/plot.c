@@ -5,7 +5,6 @@
 #include <fcntl.h>
 #include <math.h>
 #include <spawn.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -16,20 +15,6 @@ extern char **environ;
 
 #define WIDTH  860
 #define HEIGHT 290
-
-static void put(hw_bytes_writer *w, const char *format, ...) HW_PRINTF(2, 3);
-static void put(hw_bytes_writer *w, const char *format, ...)
-{
-    char text[512];
-    va_list arguments;
-    va_start(arguments, format);
-    int n = vsnprintf(text, sizeof text, format, arguments);
-    va_end(arguments);
-    if (n < 0 || (size_t)n >= sizeof text)
-        w->failed = true;
-    else
-        hw_put_bytes(w, text, (size_t)n);
-}
 
 // ---- The script. Series are drawn in made-up colours, rgb(i + 1, 0, 0), which the finished SVG
 // exchanges for the page's.
@@ -52,9 +37,9 @@ static void put_data(hw_bytes_writer *w, const hw_plot *plot, const hw_plot_seri
     for (uint32_t i = 0; i < plot->count; i++) {
         double y = series->y[(size_t)i * series->stride];
         if (is_drawn(plot, y))
-            put(w, "%.9g %.9g\n", plot->x[i], y);
+            hw_put_format(w, "%.9g %.9g\n", plot->x[i], y);
         else
-            put(w, "\n");
+            hw_put_format(w, "\n");
     }
 }
 
@@ -62,17 +47,21 @@ static void put_axes(hw_bytes_writer *w, const hw_plot *plot)
 {
     double first = plot->x[0], last = plot->x[plot->count - 1];
     double room = last > first ? 0 : 1;
-    put(w, "set terminal svg size %d,%d dynamic font 'sans-serif,14' noenhanced\n", WIDTH, HEIGHT);
-    put(w, "set border 3 lw 0.7\nset tics nomirror scale 0.6\nset mytics 1\n");
-    put(w, "set grid ytics lt 1 lc rgb '#000100' lw 0.7\n");
-    put(w, "set key above horizontal right Left reverse samplen 1.6\n");
-    put(w, "set xlabel '%s'\nset ylabel '%s' offset 0.5,0\n", plot->x_label, plot->y_label);
-    put(w, "set format y '%%.0s %%c'\nset xrange [%.9g:%.9g]\n", first - room, last + room);
+    hw_put_format(w, "set terminal svg size %d,%d dynamic font 'sans-serif,14' noenhanced\n", WIDTH,
+                  HEIGHT);
+    hw_put_format(w, "set border 3 lw 0.7\nset tics nomirror scale 0.6\nset mytics 1\n");
+    hw_put_format(w, "set grid ytics lt 1 lc rgb '#000100' lw 0.7\n");
+    hw_put_format(w, "set key above horizontal right Left reverse samplen 1.6\n");
+    hw_put_format(w, "set xlabel '%s'\nset ylabel '%s' offset 0.5,0\n", plot->x_label,
+                  plot->y_label);
+    hw_put_format(w, "set format y '%%.0s %%c'\nset xrange [%.9g:%.9g]\n", first - room,
+                  last + room);
     if (plot->log_y)
-        put(w, "set logscale y\n");
+        hw_put_format(w, "set logscale y\n");
     for (uint32_t i = 0; i < plot->mark_count; i++)
         if (plot->marks[i] > first && plot->marks[i] < last)
-            put(w,
+            hw_put_format(
+                w,
                 "set arrow from %.9g, graph 0 to %.9g, graph 1 nohead back lc rgb '#000200' lw "
                 "0.7\n",
                 plot->marks[i], plot->marks[i]);
@@ -83,18 +72,19 @@ static void put_script(hw_bytes_writer *w, const hw_plot *plot)
     const char *separator = "plot";
     put_axes(w, plot);
     for (uint32_t i = 0; i < plot->series_count; i++) {
-        put(w, "$d%u << END_OF_DATA\n", i);
+        hw_put_format(w, "$d%u << END_OF_DATA\n", i);
         put_data(w, plot, &plot->series[i]);
-        put(w, "END_OF_DATA\n");
+        hw_put_format(w, "END_OF_DATA\n");
     }
     for (uint32_t i = 0; i < plot->series_count; i++) {
         if (!has_points(plot, &plot->series[i]))
             continue;
-        put(w, "%s $d%u using 1:2 with %s lw 1.8 lc rgb '#%02x0000' title '%s'", separator, i,
-            plot->count > 1 ? "lines" : "points pt 5", i + 1, plot->series[i].name);
+        hw_put_format(w, "%s $d%u using 1:2 with %s lw 1.8 lc rgb '#%02x0000' title '%s'",
+                      separator, i, plot->count > 1 ? "lines" : "points pt 5", i + 1,
+                      plot->series[i].name);
         separator = ",";
     }
-    put(w, "\n");
+    hw_put_format(w, "\n");
 }
 
 // ---- The process

@@ -19,20 +19,6 @@
 
 // ---- Text
 
-static void put(hw_bytes_writer *w, const char *format, ...) HW_PRINTF(2, 3);
-static void put(hw_bytes_writer *w, const char *format, ...)
-{
-    char text[1024];
-    va_list arguments;
-    va_start(arguments, format);
-    int n = vsnprintf(text, sizeof text, format, arguments);
-    va_end(arguments);
-    if (n < 0 || (size_t)n >= sizeof text)
-        w->failed = true;
-    else
-        hw_put_bytes(w, text, (size_t)n);
-}
-
 static void put_raw(hw_bytes_writer *w, const char *text)
 {
     hw_put_bytes(w, text, strlen(text));
@@ -109,15 +95,15 @@ static void put_fact(hw_bytes_writer *w, const char *name, const char *format, .
     va_start(arguments, format);
     vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
-    put(w, "<div><dt>%s</dt><dd>", name);
+    hw_put_format(w, "<div><dt>%s</dt><dd>", name);
     put_text(w, text);
-    put(w, "</dd></div>\n");
+    hw_put_format(w, "</dd></div>\n");
 }
 
 static void put_facts(hw_bytes_writer *w, const hw_report *r)
 {
     char a[HW_FIGURE_CAPACITY], b[HW_FIGURE_CAPACITY], c[HW_FIGURE_CAPACITY];
-    put(w, "<dl class=\"facts\">\n");
+    hw_put_format(w, "<dl class=\"facts\">\n");
     put_fact(w, "Scene", "%s triangles in %u objects",
              hw_figure_count(a, (double)r->scene_triangles), r->object_count);
     put_fact(w, "Dataset", "%u cells of side %s, %s", r->cell_count,
@@ -132,7 +118,7 @@ static void put_facts(hw_bytes_writer *w, const hw_report *r)
     put_fact(w, "Cell crossings on the tour", "%u", r->crossing_count);
     put_fact(w, "Samples a pixel", "%u; reference %u", r->samples, r->reference_samples);
     put_fact(w, "OpenGL", "%s", r->gl_renderer);
-    put(w, "</dl>\n");
+    hw_put_format(w, "</dl>\n");
 }
 
 static void put_head(hw_bytes_writer *w, double value, const char *unit, const char *format, ...)
@@ -144,8 +130,8 @@ static void put_head(hw_bytes_writer *w, double value, const char *unit, const c
     va_start(arguments, format);
     vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
-    put(w, "<div class=\"head\"><b>%s%s</b><span>%s</span></div>\n", hw_figure_number(a, value, 3),
-        unit, text);
+    hw_put_format(w, "<div class=\"head\"><b>%s%s</b><span>%s</span></div>\n",
+                  hw_figure_number(a, value, 3), unit, text);
 }
 
 // The figures that one looks for first.
@@ -157,7 +143,7 @@ static void put_heads(hw_bytes_writer *w, const hw_report *r)
     if (!c)
         return;
     const hw_summary *s = c->summaries;
-    put(w, "<div class=\"heads\">\n");
+    hw_put_format(w, "<div class=\"heads\">\n");
     put_head(w, s[HW_METRIC_FRAME_MS].mean, " ms", "a frame of the hybrid (C), mean");
     for (int i = 0; i < 3; i++)
         if (!isnan(hw_report_ratio(r, others[i])))
@@ -173,21 +159,21 @@ static void put_heads(hw_bytes_writer *w, const hw_report *r)
     else
         put_head(w, s[HW_METRIC_PSNR_REFERENCE].mean, " dB", "C against the %u-sample reference",
                  r->reference_samples);
-    put(w, "</div>\n");
+    hw_put_format(w, "</div>\n");
 }
 
 static void put_header(hw_bytes_writer *w, const hw_report *r)
 {
-    put(w, "<p class=\"kicker\">Hexwalk measurement</p>\n<h1>");
+    hw_put_format(w, "<p class=\"kicker\">Hexwalk measurement</p>\n<h1>");
     put_text(w, file_name(r->scene_path));
-    put(w, "</h1>\n<p class=\"soft\">walked through ");
+    hw_put_format(w, "</h1>\n<p class=\"soft\">walked through ");
     put_text(w, file_name(r->dataset_path));
-    put(w, "</p>\n");
+    hw_put_format(w, "</p>\n");
     put_heads(w, r);
     put_facts(w, r);
-    put(w, "<pre>");
+    hw_put_format(w, "<pre>");
     put_text(w, r->command);
-    put(w, "</pre>\n");
+    hw_put_format(w, "</pre>\n");
 }
 
 // ---- Table: a row per measure, a column per configuration, which fits a phone
@@ -228,35 +214,36 @@ static const char *show(char buffer[HW_FIGURE_CAPACITY], double value, figure_st
 
 static void put_cell(hw_bytes_writer *w, const hw_report_config *c, const char *text)
 {
-    put(w, "<td%s>%s</td>", c->config == HW_CONFIG_C ? " class=\"c\"" : "", text);
+    hw_put_format(w, "<td%s>%s</td>", c->config == HW_CONFIG_C ? " class=\"c\"" : "", text);
 }
 
 static void put_row(hw_bytes_writer *w, const hw_report *r, const table_row *row)
 {
     char a[HW_FIGURE_CAPACITY];
     if (row->starts_group)
-        put(w, "</tbody><tbody class=\"group\">\n");
-    put(w, "<tr><th scope=\"row\"%s>%s</th>", row->part == PART_MEAN ? "" : " class=\"sub\"",
-        row->label);
+        hw_put_format(w, "</tbody><tbody class=\"group\">\n");
+    hw_put_format(w, "<tr><th scope=\"row\"%s>%s</th>",
+                  row->part == PART_MEAN ? "" : " class=\"sub\"", row->label);
     for (uint32_t i = 0; i < r->config_count; i++) {
         const hw_report_config *c = &r->configs[i];
         put_cell(w, c, show(a, part_of(&c->summaries[row->metric], row->part), row->style));
     }
-    put(w, "</tr>\n");
+    hw_put_format(w, "</tr>\n");
 }
 
 static void put_memory_rows(hw_bytes_writer *w, const hw_report *r)
 {
     char a[HW_FIGURE_CAPACITY];
-    put(w, "</tbody><tbody class=\"group\">\n<tr><th scope=\"row\">OpenGL memory, peak</th>");
+    hw_put_format(
+        w, "</tbody><tbody class=\"group\">\n<tr><th scope=\"row\">OpenGL memory, peak</th>");
     for (uint32_t i = 0; i < r->config_count; i++)
         put_cell(w, &r->configs[i], hw_figure_bytes(a, (double)r->configs[i].gpu_bytes_peak));
-    put(w, "</tr>\n<tr><th scope=\"row\">Process memory, peak</th>");
+    hw_put_format(w, "</tr>\n<tr><th scope=\"row\">Process memory, peak</th>");
     for (uint32_t i = 0; i < r->config_count; i++) {
         double bytes = (double)r->configs[i].rss_bytes_peak;
         put_cell(w, &r->configs[i], hw_figure_bytes(a, bytes > 0 ? bytes : (double)NAN));
     }
-    put(w, "</tr>\n");
+    hw_put_format(w, "</tr>\n");
 }
 
 static void put_table(hw_bytes_writer *w, const hw_report *r)
@@ -284,20 +271,21 @@ static void put_table(hw_bytes_writer *w, const hw_report *r)
          false},
         {"least", HW_METRIC_SSIM_OBJECTS, PART_MIN, STYLE_SSIM, false},
     };
-    put(w, "<h2>Configurations</h2>\n<div class=\"scroll\"><table>\n<thead><tr><th></th>");
+    hw_put_format(w,
+                  "<h2>Configurations</h2>\n<div class=\"scroll\"><table>\n<thead><tr><th></th>");
     for (uint32_t i = 0; i < r->config_count; i++) {
         hw_config config = r->configs[i].config;
-        put(w,
-            "<th scope=\"col\"%s><span class=\"swatch\" style=\"background:%s\"></span>%s"
-            "<small>%s</small></th>",
-            config == HW_CONFIG_C ? " class=\"c\"" : "", config_color(config),
-            hw_config_name(config), config_title(config));
+        hw_put_format(w,
+                      "<th scope=\"col\"%s><span class=\"swatch\" style=\"background:%s\"></span>%s"
+                      "<small>%s</small></th>",
+                      config == HW_CONFIG_C ? " class=\"c\"" : "", config_color(config),
+                      hw_config_name(config), config_title(config));
     }
-    put(w, "</tr></thead>\n<tbody>\n");
+    hw_put_format(w, "</tr></thead>\n<tbody>\n");
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++)
         put_row(w, r, &rows[i]);
     put_memory_rows(w, r);
-    put(w, "</tbody></table></div>\n");
+    hw_put_format(w, "</tbody></table></div>\n");
 }
 
 // What only the hybrid can do wrong.
@@ -308,7 +296,7 @@ static void put_hybrid(hw_bytes_writer *w, const hw_report *r)
     if (!c)
         return;
     const hw_summary *s = c->summaries;
-    put(w, "<h2>The hybrid by itself</h2>\n<dl class=\"facts\">\n");
+    hw_put_format(w, "<h2>The hybrid by itself</h2>\n<dl class=\"facts\">\n");
     put_fact(w, "Triangles, near / far", "%s / %s",
              hw_figure_count(a, s[HW_METRIC_NEAR_TRIANGLES].mean),
              hw_figure_count(b, s[HW_METRIC_FAR_TRIANGLES].mean));
@@ -328,7 +316,7 @@ static void put_hybrid(hw_bytes_writer *w, const hw_report *r)
              hw_figure_bytes(a, s[HW_METRIC_LOAD_BYTES].sum),
              hw_figure_seconds(b, s[HW_METRIC_LOAD_MS].sum / 1000),
              hw_figure_number(d, s[HW_METRIC_STALLS].sum, 1));
-    put(w, "</dl>\n");
+    hw_put_format(w, "</dl>\n");
 }
 
 // ---- Plots
@@ -360,16 +348,16 @@ static hw_status put_plot(hw_bytes_writer *w, const hw_report *r, const double *
     hw_status status = hw_plot_svg(&plot, &svg);
     if (status == HW_MEMORY)
         return status;
-    put(w, "<h3>%s</h3>\n<figure class=\"plot\" role=\"img\" aria-label=\"%s\">", plan->title,
-        plan->title);
+    hw_put_format(w, "<h3>%s</h3>\n<figure class=\"plot\" role=\"img\" aria-label=\"%s\">",
+                  plan->title, plan->title);
     if (status == HW_OK) {
         put_raw(w, svg);
     } else {
-        put(w, "<p class=\"error\">This plot is missing: ");
+        hw_put_format(w, "<p class=\"error\">This plot is missing: ");
         put_text(w, hw_error_text());
-        put(w, "</p>");
+        hw_put_format(w, "</p>");
     }
-    put(w, "</figure>\n");
+    hw_put_format(w, "</figure>\n");
     hw_free(svg);
     return HW_OK;
 }
@@ -387,7 +375,8 @@ static hw_status put_plots(hw_bytes_writer *w, const hw_report *r)
     HW_TRY(HW_NEW(&times, r->frame_count));
     for (uint32_t i = 0; i < r->frame_count; i++)
         times[i] = r->frames[i].t;
-    put(w, "<h2>Along the tour</h2>\n<p class=\"soft\">Thin vertical lines mark where the tour "
+    hw_put_format(
+        w, "<h2>Along the tour</h2>\n<p class=\"soft\">Thin vertical lines mark where the tour "
            "crosses "
            "into another cell. Times and triangles have a logarithmic scale.</p>\n");
     for (size_t i = 0; i < sizeof plans / sizeof *plans; i++)
@@ -428,10 +417,10 @@ static hw_status put_image(hw_bytes_writer *w, const hw_image *image, const char
         factor *= 2;
     HW_GO(shrink(image, factor, &small));
     HW_GO(hw_image_encode_jpeg(&small, PAIR_QUALITY, &bytes, &size));
-    put(w, "<img width=\"%u\" height=\"%u\" alt=\"%s\" src=\"data:image/jpeg;base64,", small.width,
-        small.height, alt);
+    hw_put_format(w, "<img width=\"%u\" height=\"%u\" alt=\"%s\" src=\"data:image/jpeg;base64,",
+                  small.width, small.height, alt);
     put_base64(w, bytes, size);
-    put(w, "\">");
+    hw_put_format(w, "\">");
 out:
     hw_image_free(&small);
     hw_free(bytes);
@@ -443,16 +432,17 @@ static void put_caption(hw_bytes_writer *w, const hw_report *r, const hw_report_
     char a[HW_FIGURE_CAPACITY], b[HW_FIGURE_CAPACITY], c[HW_FIGURE_CAPACITY];
     const hw_report_frame *frame = &r->frames[p->frame];
     const double *v = hw_report_find(r, p->config)->samples[p->frame].values;
-    put(w, "<h3>%s frame of %s</h3>\n", p->rank, hw_config_name(p->config));
-    put(w, "<p class=\"soft\">Tour frame %u, %s s. ", frame->tour_frame,
-        hw_figure_fixed(a, frame->t, 1));
-    put(w, "PSNR %s dB (%s dB on objects, %s dB against the reference), ",
-        hw_figure_fixed(a, v[HW_METRIC_PSNR_1SPP], 1),
-        hw_figure_fixed(b, v[HW_METRIC_PSNR_OBJECTS], 1),
-        hw_figure_fixed(c, v[HW_METRIC_PSNR_REFERENCE], 1));
-    put(w, "SSIM %s, %s ms, %s triangles.</p>\n",
-        hw_figure_fixed(a, v[HW_METRIC_SSIM_REFERENCE], 4),
-        hw_figure_number(b, v[HW_METRIC_FRAME_MS], 3), hw_figure_count(c, v[HW_METRIC_TRIANGLES]));
+    hw_put_format(w, "<h3>%s frame of %s</h3>\n", p->rank, hw_config_name(p->config));
+    hw_put_format(w, "<p class=\"soft\">Tour frame %u, %s s. ", frame->tour_frame,
+                  hw_figure_fixed(a, frame->t, 1));
+    hw_put_format(w, "PSNR %s dB (%s dB on objects, %s dB against the reference), ",
+                  hw_figure_fixed(a, v[HW_METRIC_PSNR_1SPP], 1),
+                  hw_figure_fixed(b, v[HW_METRIC_PSNR_OBJECTS], 1),
+                  hw_figure_fixed(c, v[HW_METRIC_PSNR_REFERENCE], 1));
+    hw_put_format(w, "SSIM %s, %s ms, %s triangles.</p>\n",
+                  hw_figure_fixed(a, v[HW_METRIC_SSIM_REFERENCE], 4),
+                  hw_figure_number(b, v[HW_METRIC_FRAME_MS], 3),
+                  hw_figure_count(c, v[HW_METRIC_TRIANGLES]));
 }
 
 static hw_status put_pair(hw_bytes_writer *w, const hw_report *r, const hw_report_picture *p)
@@ -462,10 +452,11 @@ static hw_status put_pair(hw_bytes_writer *w, const hw_report *r, const hw_repor
     hw_status status = HW_OK;
     HW_GO(hw_difference_image(&p->truth, &p->image, DIFFERENCE_GAIN, &difference));
     put_caption(w, r, p);
-    put(w, "<div class=\"pair\"><figure><div class=\"slider\">");
+    hw_put_format(w, "<div class=\"pair\"><figure><div class=\"slider\">");
     HW_GO(put_image(w, &p->truth, "Ground truth"));
     HW_GO(put_image(w, &p->image, "Configuration"));
-    put(w,
+    hw_put_format(
+        w,
         "<em class=\"left\">truth</em><em class=\"right\">%s</em><i></i>"
         "<input type=\"range\" min=\"0\" max=\"100\" step=\"0.5\" value=\"50\" "
         "aria-label=\"Divider between ground truth and configuration %s\"></div>"
@@ -473,8 +464,8 @@ static hw_status put_pair(hw_bytes_writer *w, const hw_report *r, const hw_repor
         "</figure>\n<figure class=\"diff\">",
         name, name, name);
     HW_GO(put_image(w, &difference, "Difference"));
-    put(w, "<figcaption>Difference, amplified %g times.</figcaption></figure></div>\n",
-        (double)DIFFERENCE_GAIN);
+    hw_put_format(w, "<figcaption>Difference, amplified %g times.</figcaption></figure></div>\n",
+                  (double)DIFFERENCE_GAIN);
 out:
     hw_image_free(&difference);
     return status;
@@ -484,8 +475,9 @@ static hw_status put_pictures(hw_bytes_writer *w, const hw_report *r)
 {
     if (r->picture_count == 0)
         return HW_OK;
-    put(w, "<h2>Pictures</h2>\n<p class=\"soft\">Worst, median and best by PSNR against the "
-           "one-sample ground truth.</p>\n");
+    hw_put_format(w,
+                  "<h2>Pictures</h2>\n<p class=\"soft\">Worst, median and best by PSNR against the "
+                  "one-sample ground truth.</p>\n");
     for (uint32_t i = 0; i < r->picture_count; i++)
         HW_TRY(put_pair(w, r, &r->pictures[i]));
     return HW_OK;
@@ -496,56 +488,62 @@ static hw_status put_pictures(hw_bytes_writer *w, const hw_report *r)
 static void put_method(hw_bytes_writer *w, const hw_report *r)
 {
     char a[HW_FIGURE_CAPACITY];
-    put(w, "<h2>How this was measured</h2>\n<ul>\n");
-    put(w,
+    hw_put_format(w, "<h2>How this was measured</h2>\n<ul>\n");
+    hw_put_format(
+        w,
         "<li>A draws the full geometry; B is A with view-frustum culling; L is B with discrete "
         "levels of detail, chosen for a projected error of at most %s px; C is the hybrid.</li>\n",
         hw_figure_number(a, r->lod_error_px, 2));
-    put(w,
+    hw_put_format(
+        w,
         "<li>Frame time is the whole frame up to the end of glFinish, the median of %u rounds, "
         "configurations taking turns on the same frame in one process; in each turn the frame is "
         "drawn once untimed before. Loading before a frame is not in it.</li>\n",
         r->repeat);
-    put(w,
+    hw_put_format(
+        w,
         "<li>Ground truth is B at one sample a pixel. The reference is the mean of %u such images, "
         "each shifted within the pixel. The configurations themselves use %u sample%s.</li>\n",
         r->reference_samples, r->samples, r->samples == 1 ? "" : "s");
-    put(w, "<li>PSNR is of luma, 0.299 R + 0.587 G + 0.114 B, the mean over frames of decibels. "
+    hw_put_format(
+        w, "<li>PSNR is of luma, 0.299 R + 0.587 G + 0.114 B, the mean over frames of decibels. "
            "Figures on objects count only pixels that either image covers with an object; SSIM "
            "uses an 11 x 11 Gaussian window.</li>\n");
-    put(w,
+    hw_put_format(
+        w,
         "<li>Hole pixels are covered by an object in ground truth and left to sky or ground by the "
         "hybrid. Pop is the RMS luma change of C between the two tour frames around a cell "
         "crossing, less that of B with the same samples; below zero, C changes less than B.</li>\n"
         "<li>Process memory is that of a separate process that draws the same frames in this "
         "configuration alone.</li>\n");
     for (uint32_t i = 0; i < r->note_count; i++) {
-        put(w, "<li>");
+        hw_put_format(w, "<li>");
         put_text(w, r->notes[i]);
-        put(w, "</li>\n");
+        hw_put_format(w, "</li>\n");
     }
-    put(w, "</ul>\n<footer>Made by hexwalk " HW_PROGRAM_VERSION
-           ". The figures of every frame are in frames.csv, the summaries in report.json."
-           "</footer>\n");
+    hw_put_format(w, "</ul>\n<footer>Made by hexwalk " HW_PROGRAM_VERSION
+                     ". The figures of every frame are in frames.csv, the summaries in report.json."
+                     "</footer>\n");
 }
 
 static hw_status put_page(hw_bytes_writer *w, const hw_report *r)
 {
-    put(w, "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n"
+    hw_put_format(
+        w, "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n"
            "<meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\n<title>");
     put_text(w, file_name(r->scene_path));
-    put(w, " - Hexwalk measurement</title>\n<style>\n");
+    hw_put_format(w, " - Hexwalk measurement</title>\n<style>\n");
     put_raw(w, hw_report_style);
-    put(w, "</style></head>\n<body><main>\n");
+    hw_put_format(w, "</style></head>\n<body><main>\n");
     put_header(w, r);
     put_table(w, r);
     put_hybrid(w, r);
     HW_TRY(put_plots(w, r));
     HW_TRY(put_pictures(w, r));
     put_method(w, r);
-    put(w, "</main>\n<script>");
+    hw_put_format(w, "</main>\n<script>");
     put_raw(w, hw_report_script);
-    put(w, "</script></body></html>\n");
+    hw_put_format(w, "</script></body></html>\n");
     return hw_bytes_writer_check(w);
 }
 

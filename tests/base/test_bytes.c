@@ -142,6 +142,20 @@ static void an_exhausted_writer_tells(void **state)
     hw_bytes_writer_free(&w);
 }
 
+static void formatted_text_is_bounded(void **state)
+{
+    (void)state;
+    hw_bytes_writer w = {0};
+    hw_put_format(&w, "%d-%s", 42, "x");
+    hw_put_format(&w, "%c", '!');
+    assert_int_equal(w.size, 5);
+    assert_memory_equal(w.data, "42-x!", 5);
+    assert_int_equal(hw_bytes_writer_check(&w), HW_OK);
+    hw_put_format(&w, "%*d", 1024, 1);
+    assert_int_not_equal(hw_bytes_writer_check(&w), HW_OK);
+    hw_bytes_writer_free(&w);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -151,6 +165,7 @@ int main(void)
         cmocka_unit_test(spans_point_into_the_data),
         cmocka_unit_test(special_floats_survive),
         cmocka_unit_test(an_exhausted_writer_tells),
+        cmocka_unit_test(formatted_text_is_bounded),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
