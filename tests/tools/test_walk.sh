@@ -84,6 +84,7 @@ ended() {
 # size_is FILE WIDTH HEIGHT - of a PNG.
 size_is() {
     local sides
+    [[ -s $1 ]] || return 1
     sides=$(od -An -tu1 -j16 -N8 "$1")
     # shellcheck disable=SC2086
     set -- $sides "$2" "$3"
@@ -130,7 +131,7 @@ check 'tiny window' fails_with 2 'size' "$hexwalk" walk scene.obj --size 3x3
 # ---- A scene
 
 exec 3<>display
-Xvfb -displayfd 3 -screen 0 800x600x24 -nolisten tcp >server.log 2>&1 &
+Xvfb -displayfd 3 -screen 0 800x600x24 -nolisten tcp -noreset >server.log 2>&1 &
 server=$!
 until_true 30 test -s display || { cat server.log; echo 'skipped: Xvfb does not start'; exit 77; }
 DISPLAY=:$(head -1 display)
