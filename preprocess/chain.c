@@ -5,6 +5,7 @@
 #include "importance.h"
 #include "metric.h"
 #include "parallel.h"
+#include "pull_back.h"
 #include "rays.h"
 #include <math.h>
 #include <string.h>
@@ -82,22 +83,6 @@ out:
     return status;
 }
 
-static hw_color8 color_at(const hw_mesh *mesh, const hw_closest *at)
-{
-    const uint32_t *t = mesh->indices + 3 * (size_t)at->triangle_idx;
-    float w[3] = {1 - at->u - at->v, at->u, at->v}, sum[4] = {0.5f, 0.5f, 0.5f, 0.5f};
-    for (int i = 0; i < 3; i++) {
-        hw_color8 c = mesh->colors[t[i]];
-        sum[0] += w[i] * c.r;
-        sum[1] += w[i] * c.g;
-        sum[2] += w[i] * c.b;
-        sum[3] += w[i] * c.a;
-    }
-    for (int i = 0; i < 4; i++)
-        sum[i] = fminf(fmaxf(sum[i], 0), 255);
-    return (hw_color8){(uint8_t)sum[0], (uint8_t)sum[1], (uint8_t)sum[2], (uint8_t)sum[3]};
-}
-
 // Pulls vertices back, takes colours over, and measures.
 static hw_status finish_level(void *context, uint64_t index, uint32_t thread)
 {
@@ -106,17 +91,7 @@ static hw_status finish_level(void *context, uint64_t index, uint32_t thread)
     uint32_t l = (uint32_t)index + 1;
     hw_mesh *level = &m->chain->levels[l];
     hw_mesh_level_info *info = &m->chain->infos[l];
-    if (m->original->colors)
-        HW_TRY(HW_NEW(&level->colors, level->vertex_count));
-    for (uint32_t v = 0; v < level->vertex_count; v++) {
-        hw_closest at = hw_rays_closest(m->rays, level->positions[v], INFINITY);
-        if (!(at.distance < INFINITY))
-            continue;
-        hw_vec3 way = hw_v3_sub(at.point, level->positions[v]);
-        level->positions[v] = hw_v3_mad(level->positions[v], way, m->options.pull_back);
-        if (level->colors)
-            level->colors[v] = color_at(m->original, &at);
-    }
+    HW_TRY(hw_pull_back(level, m->original, m->rays, m->options.pull_back, 1));
     HW_TRY(hw_mesh_compute_normals(level));
     hw_deviation surface;
     float outline;
@@ -142,7 +117,7 @@ static hw_status collapse_levels(maker *m)
     while (chain->level_count < HW_MESH_LEVELS_MAX && faces * LEVEL_STEP >= m->options.face_floor) {
         faces *= LEVEL_STEP;
         uint32_t before = c->live_faces;
-        hw_collapse_limits limits = {(uint32_t)faces, INFINITY};
+        hw_collapse_limits limits = {.faces = (uint32_t)faces, .cost = INFINITY};
         HW_GO(hw_collapser_run(c, &metric, &limits));
         if (c->live_faces == before)
             break; // nothing more can go
@@ -179,7 +154,7 @@ hw_status hw_chain_make(const hw_mesh *mesh, const hw_chain_options *options, hw
     if (m.options.importance_floor == 0)
         m.options.importance_floor = 0.05f;
     if (m.options.pull_back < 0)
-        m.options.pull_back = 0.25f;
+        m.options.pull_back = HW_PULL_BACK;
     HW_GO(HW_NEW(&out->levels, HW_MESH_LEVELS_MAX));
     HW_GO(HW_NEW(&out->infos, HW_MESH_LEVELS_MAX));
     HW_GO(hw_mesh_copy(mesh, &out->levels[0]));
@@ -191,8 +166,9 @@ hw_status hw_chain_make(const hw_mesh *mesh, const hw_chain_options *options, hw
     HW_GO(hw_rays_create_mesh(&m.rays, mesh));
     HW_GO(hw_outline_create(&m.outline, mesh, OUTLINE_VIEWS, OUTLINE_RESOLUTION));
     HW_GO(HW_NEW(&m.importance, mesh->vertex_count));
-    HW_GO(hw_silhouette_importance(mesh, m.rays, IMPORTANCE_LINES, m.options.importance_floor,
-                                   m.options.threads, m.importance));
+    const hw_importance_options importance = {IMPORTANCE_LINES, m.options.importance_floor,
+                                              HW_IMPORTANCE_WALKER_DEGREES, m.options.threads};
+    HW_GO(hw_silhouette_importance(mesh, m.rays, &importance, m.importance));
     HW_GO(collapse_levels(&m));
     HW_GO(hw_parallel_for(out->level_count - 1, m.options.threads, finish_level, &m, NULL));
     make_errors_monotone(out);

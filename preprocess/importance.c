@@ -1,14 +1,15 @@
 #include "importance.h"
 #include "parallel.h"
 
-#define DEFAULT_SAMPLES 32
-#define BLOCK           256 // vertices handed out at a time
-#define OFFSET          1e-3f
+#define DEFAULT_LINES 32
+#define BLOCK         256 // vertices handed out at a time
+#define OFFSET        1e-3f
 
 typedef struct importance_job {
     const hw_mesh *mesh;
     const hw_rays *rays;
-    uint32_t samples;
+    uint32_t lines;
+    double limit; // sine of the elevation
     float floor, offset;
     float *out;
 } importance_job;
@@ -23,17 +24,18 @@ static float free_fraction(const importance_job *job, uint32_t vertex)
     hw_vec3 h = hw_v3_cross(n, hw_v3(0, 0, 1));
     h = hw_v3_length(h) > 1e-6f ? hw_v3_normalize(h) : hw_v3(1, 0, 0);
     hw_vec3 w = hw_v3_cross(n, h);
-    double limit = sin(HW_IMPORTANCE_ELEVATION_DEGREES * HW_PI / 180), rise = fabs((double)w.z);
-    double widest = rise > limit ? asin(limit / rise) : HW_PI / 2; // half a turn holds every line
+    double rise = fabs((double)w.z);
+    double widest =
+        rise > job->limit ? asin(job->limit / rise) : HW_PI / 2; // half a turn holds every line
     hw_vec3 origin = hw_v3_mad(job->mesh->positions[vertex], n, job->offset);
     uint32_t open = 0;
-    for (uint32_t i = 0; i < job->samples; i++) {
-        double angle = widest * (2 * (i + 0.5) / job->samples - 1);
+    for (uint32_t i = 0; i < job->lines; i++) {
+        double angle = widest * (2 * (i + 0.5) / job->lines - 1);
         hw_vec3 d = hw_v3_mad(hw_v3_scale(h, (float)cos(angle)), w, (float)sin(angle));
         open += !hw_rays_occluded(job->rays, origin, d, 0, INFINITY) &&
                 !hw_rays_occluded(job->rays, origin, hw_v3_scale(d, -1), 0, INFINITY);
     }
-    return (float)open / (float)job->samples;
+    return (float)open / (float)job->lines;
 }
 
 static hw_status importance_block(void *context, uint64_t index, uint32_t thread)
@@ -48,18 +50,19 @@ static hw_status importance_block(void *context, uint64_t index, uint32_t thread
     return HW_OK;
 }
 
-hw_status hw_silhouette_importance(const hw_mesh *mesh, const hw_rays *rays, uint32_t samples,
-                                   float floor, uint32_t threads, float *out)
+hw_status hw_silhouette_importance(const hw_mesh *mesh, const hw_rays *rays,
+                                   const hw_importance_options *options, float *out)
 {
     if (!mesh->normals)
         return hw_fail(HW_USAGE, "%s: silhouette importance needs normals",
                        mesh->name ? mesh->name : "a mesh");
     importance_job job = {mesh,
                           rays,
-                          samples ? samples : DEFAULT_SAMPLES,
-                          floor,
+                          options->lines ? options->lines : DEFAULT_LINES,
+                          sin(options->elevation_degrees * HW_PI / 180),
+                          options->floor,
                           OFFSET * hw_box_diagonal(hw_mesh_bounds(mesh)),
                           out};
     uint64_t blocks = (mesh->vertex_count + (uint64_t)BLOCK - 1) / BLOCK;
-    return hw_parallel_for(blocks, threads, importance_block, &job, NULL);
+    return hw_parallel_for(blocks, options->threads, importance_block, &job, NULL);
 }

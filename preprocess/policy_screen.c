@@ -73,15 +73,14 @@ static hw_status simplify_interior(const hw_svmesh_job *job, const bool *locked,
 {
     hw_status status;
     hw_collapser *c = NULL;
-    hw_qem *qem = NULL;
+    hw_metric metric = {0};
     HW_GO(hw_collapser_create((const double(*)[3])mesh->positions, mesh->vertex_count,
                               mesh->indices, front_indices / 3, locked, HW_COMPLEX_LOCK, &c));
     c->upright = true;
     for (uint32_t v = 0; v < c->vertex_count; v++)
         c->locked[v] |= c->border[v]; // open borders of the mesh itself
-    HW_GO(hw_qem_create(c, &qem));
-    hw_metric metric = hw_metric_qem(qem);
-    hw_collapse_limits limits = {0, job->options->interior_px * job->options->interior_px};
+    HW_GO(hw_metric_qem(c, &metric));
+    hw_collapse_limits limits = {.cost = job->options->interior_px * job->options->interior_px};
     HW_GO(hw_collapser_run(c, &metric, &limits));
     memcpy(mesh->positions, c->positions, mesh->vertex_count * sizeof *mesh->positions);
     uint32_t n = 0;
@@ -92,7 +91,7 @@ static hw_status simplify_interior(const hw_svmesh_job *job, const bool *locked,
             (mesh->index_count - front_indices) * sizeof *mesh->indices);
     mesh->index_count -= front_indices - n;
 out:
-    hw_qem_destroy(qem);
+    hw_metric_destroy(&metric);
     hw_collapser_destroy(c);
     return status;
 }

@@ -11,12 +11,6 @@
 #include <string.h>
 
 #define START_OUTLINE_PX 0.02
-// Weights of vertices that have no pixel (5.2.1, Assigning vertex weights).
-#define WEIGHT_BACK_FACING 0.5f
-#define WEIGHT_INVISIBLE   0.05f
-// A vertex is visible when it lies no deeper than its pixel by more than this part of the depth.
-#define VISIBLE_TOLERANCE 1e-3
-
 typedef struct weighing {
     hw_view_mesh mesh; // the level, projected
     bool *front;       // per vertex: some face round it faces the centre
@@ -102,14 +96,8 @@ static hw_status weigh(const hw_svmesh_job *job, const hw_mesh *level,
         w->image[v][1] = (float)p[1];
         uint32_t pixel = pixel_of(window, p, focal);
         double depth = parallax / p[2];
-        if (!w->front[v])
-            w->weights[v] = WEIGHT_BACK_FACING;
-        else if (depth > capture.depths[pixel] * (1 + VISIBLE_TOLERANCE))
-            w->weights[v] = WEIGHT_INVISIBLE;
-        else
-            w->weights[v] = categories[pixel] == HW_CATEGORY_BACKGROUND
-                                ? hw_category_weight(HW_CATEGORY_EXTERIOR_SILHOUETTE)
-                                : hw_category_weight(categories[pixel]);
+        w->weights[v] =
+            hw_viewcell_weight(w->front[v], depth, capture.depths[pixel], categories[pixel]);
     }
 out:
     hw_free(categories);
@@ -127,7 +115,7 @@ static hw_status collapse(const hw_svmesh_job *job, weighing *w, hw_view_mesh *o
     hw_viewcell_metric context = {(const float(*)[3])w->normals, (const float(*)[2])w->image,
                                   w->weights};
     hw_metric metric = hw_metric_viewcell(&context);
-    hw_collapse_limits limits = {0, job->options->edge_length_px};
+    hw_collapse_limits limits = {.cost = job->options->edge_length_px};
     HW_GO(hw_collapser_run(c, &metric, &limits));
     HW_GO(HW_NEW(&kept, c->vertex_count));
     HW_GO(HW_NEW(&out->indices, 3 * (size_t)c->live_faces));

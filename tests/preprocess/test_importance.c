@@ -7,7 +7,8 @@ static void measure(const hw_mesh *mesh, uint32_t samples, float floor, uint32_t
 {
     hw_rays *rays = NULL;
     assert_int_equal(hw_rays_create_mesh(&rays, mesh), HW_OK);
-    assert_int_equal(hw_silhouette_importance(mesh, rays, samples, floor, threads, out), HW_OK);
+    const hw_importance_options options = {samples, floor, HW_IMPORTANCE_WALKER_DEGREES, threads};
+    assert_int_equal(hw_silhouette_importance(mesh, rays, &options, out), HW_OK);
     hw_rays_destroy(rays);
 }
 
