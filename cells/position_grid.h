@@ -29,5 +29,8 @@ void hw_position_grid_decode(const hw_position_grid *grid, const int32_t code[3]
 // Moves p to what the decoder will give for it (a float's value): at most step / 2 and half a
 // float's last place away per coordinate; lossless: the nearest float.
 void hw_position_grid_snap(const hw_position_grid *grid, double p[3]);
-// Whether encoding and decoding give the same bits back, and nothing exceeds HW_COORDINATE_MAX.
+// Whether encoding and decoding give the same bits back, and no coordinate exceeds
+// HW_COORDINATE_MAX.
 bool hw_position_grid_holds(const hw_position_grid *grid, const float position[3]);
+// Whether a code is one: within the limits, of a position that does not exceed HW_COORDINATE_MAX.
+bool hw_position_grid_has(const hw_position_grid *grid, const int32_t code[3]);
