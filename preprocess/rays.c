@@ -228,8 +228,8 @@ hw_hit hw_rays_cast_object(const hw_rays *rays, uint32_t object_idx, hw_vec3 ori
 
 #define PACKET 16
 
-static void set_packet_ray(struct RTCRayHit16 *packet, uint32_t i, hw_vec3 origin, hw_vec3 direction,
-                           float t_max)
+static void set_packet_ray(struct RTCRayHit16 *packet, uint32_t i, hw_vec3 origin,
+                           hw_vec3 direction, float t_max)
 {
     packet->ray.org_x[i] = origin.x;
     packet->ray.org_y[i] = origin.y;

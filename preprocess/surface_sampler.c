@@ -26,7 +26,8 @@ void hw_surface_sampler_free(hw_surface_sampler *sampler)
 
 hw_surface_walk hw_surface_walk_start(const hw_surface_sampler *sampler, uint64_t count, hw_rng rng)
 {
-    return (hw_surface_walk){.sampler = sampler, .count = sampler->area > 0 ? count : 0, .rng = rng};
+    return (hw_surface_walk){
+        .sampler = sampler, .count = sampler->area > 0 ? count : 0, .rng = rng};
 }
 
 static hw_vec3 random_point(const hw_mesh *mesh, uint32_t triangle, hw_rng *rng)
