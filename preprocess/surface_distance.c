@@ -80,7 +80,7 @@ static hw_status sample_rounds(sampling *s, const hw_distance_options *options,
         HW_TRY(hw_parallel_for(REPLICATES, options->threads, sample_replicate, s, NULL));
         done += s->samples;
         summarise(s, done, out);
-        out->converged = out->standard_error <= fmax(tolerance * out->mean, out->floor);
+        out->converged = out->standard_error <= tolerance * out->mean || out->mean <= out->floor;
     }
     return HW_OK;
 }

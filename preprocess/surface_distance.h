@@ -22,7 +22,7 @@ typedef struct hw_surface_distance {
     double standard_error; // of the mean: the replicates' deviation / sqrt(16)
     double floor;
     uint64_t samples;
-    bool converged; // the standard error is within the tolerance, or below the floor
+    bool converged; // the standard error is within the tolerance, or the mean is below the floor
 } hw_surface_distance;
 
 // From points of one mesh to the closest point of the other (one side of Metro; call it both ways).

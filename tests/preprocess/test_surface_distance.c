@@ -163,7 +163,7 @@ static void test_threads_and_seeds(void **state)
 static void test_nothing_to_measure(void **state)
 {
     (void)state;
-    hw_mesh a = roof(), empty = {0}, flat = roof();
+    hw_mesh a = roof(), empty = shape_alloc(1, 0), flat = roof();
     for (uint32_t i = 0; i < flat.vertex_count; i++)
         flat.positions[i] = hw_v3(flat.positions[i].x, 0, 0);
     hw_rays *full = NULL, *none = NULL, *line = NULL;
@@ -179,6 +179,7 @@ static void test_nothing_to_measure(void **state)
     hw_rays_destroy(none);
     hw_rays_destroy(line);
     hw_mesh_free(&a);
+    hw_mesh_free(&empty);
     hw_mesh_free(&flat);
 }
 

@@ -159,7 +159,7 @@ static void test_open_sheet(void **state)
 static void test_frame(void **state)
 {
     (void)state;
-    hw_mesh a = shape_box((hw_box){{-1, -1, -1}, {1, 1, 1}}, false), empty = {0};
+    hw_mesh a = shape_box((hw_box){{-1, -1, -1}, {1, 1, 1}}, false), empty = shape_alloc(1, 0);
     hw_mesh b = shape_box((hw_box){{-1.02f, -1, -1}, {1, 1, 1}}, false);
     hw_mesh c = shape_box((hw_box){{-5, -1, -1}, {1, 1, 1}}, false);
     hw_view_frame alone = hw_view_frame_fit(&a, NULL), same = hw_view_frame_fit(&a, &b);
@@ -183,6 +183,7 @@ static void test_frame(void **state)
     hw_mesh_free(&a);
     hw_mesh_free(&b);
     hw_mesh_free(&c);
+    hw_mesh_free(&empty);
 }
 
 int main(void)
