@@ -1,6 +1,6 @@
 #include "deviation.h"
 #include "alloc.h"
-#include "rng.h"
+#include "surface_sampler.h"
 #include <stdlib.h>
 #include <string.h>
 
@@ -11,14 +11,6 @@
 #define MARGIN             (1.0 / 16) // of the raster, on each side
 
 // --- surfaces ----------------------------------------------------------------------------------
-
-static double triangle_area(const hw_mesh *mesh, uint32_t triangle)
-{
-    const uint32_t *t = mesh->indices + 3 * (size_t)triangle;
-    hw_vec3 a = mesh->positions[t[0]];
-    return 0.5 * hw_v3_length(hw_v3_cross(hw_v3_sub(mesh->positions[t[1]], a),
-                                          hw_v3_sub(mesh->positions[t[2]], a)));
-}
 
 typedef struct side {
     double sum, sum_squares, max;
@@ -49,35 +41,19 @@ static void add_sample(side *s, double d)
     s->distances[s->count++] = (float)d;
 }
 
-static hw_vec3 random_point(const hw_mesh *mesh, uint32_t triangle, hw_rng *rng)
-{
-    const uint32_t *t = mesh->indices + 3 * (size_t)triangle;
-    hw_vec3 a = mesh->positions[t[0]], b = mesh->positions[t[1]], c = mesh->positions[t[2]];
-    float r = sqrtf(hw_rng_float(rng)), s = hw_rng_float(rng); // uniform over the triangle
-    hw_vec3 p = hw_v3_scale(a, 1 - r);
-    return hw_v3_mad(hw_v3_mad(p, b, r * (1 - s)), c, r * s);
-}
-
 // Points of `from` against the mesh of `rays`.
 static hw_status measure_side(const hw_mesh *from, const hw_rays *rays, uint32_t samples,
                               uint32_t seed, side *out)
 {
     HW_TRY(HW_NEW(&out->distances, (size_t)samples + from->index_count));
-    hw_rng rng = hw_rng_make(seed, 1);
-    uint32_t triangles = from->index_count / 3;
-    double area = 0;
-    for (uint32_t i = 0; i < triangles; i++)
-        area += triangle_area(from, i);
-    // Stratified along the triangles' running area: sample k lies in [k, k + 1) / samples of it.
-    double passed = area > 0 ? triangle_area(from, 0) : 0;
-    uint32_t triangle = 0;
-    for (uint32_t k = 0; k < samples && area > 0; k++) {
-        double place = (k + (double)hw_rng_float(&rng)) / samples * area;
-        while (passed <= place && triangle + 1 < triangles)
-            passed += triangle_area(from, ++triangle);
-        double d = hw_rays_closest(rays, random_point(from, triangle, &rng), INFINITY).distance;
-        add_sample(out, d);
-    }
+    hw_surface_sampler sampler;
+    HW_TRY(hw_surface_sampler_make(from, &sampler));
+    double area = sampler.area;
+    hw_surface_walk walk = hw_surface_walk_start(&sampler, samples, hw_rng_make(seed, 1));
+    hw_vec3 point;
+    while (hw_surface_walk_next(&walk, &point))
+        add_sample(out, (double)hw_rays_closest(rays, point, INFINITY).distance);
+    hw_surface_sampler_free(&sampler);
     uint32_t step = from->index_count / samples + 1; // corners, so only vertices in use
     for (uint32_t i = 0; i < from->index_count; i += step) {
         hw_vec3 p = from->positions[from->indices[i]];

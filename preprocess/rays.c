@@ -90,6 +90,11 @@ out:
     return status;
 }
 
+const hw_mesh *hw_rays_mesh(const hw_rays *rays)
+{
+    return rays->mesh;
+}
+
 typedef struct mesh_job {
     hw_rays *rays;
     const hw_scene *scene;
@@ -223,38 +228,49 @@ hw_hit hw_rays_cast_object(const hw_rays *rays, uint32_t object_idx, hw_vec3 ori
 
 #define PACKET 16
 
-// One packet of up to PACKET rays of one origin, already in mesh space.
-static void cast_packet(RTCScene scene, struct RTCIntersectContext *context, hw_vec3 origin,
-                        const hw_vec3 *directions, uint32_t count, float t_max, hw_hit *hits)
+static void set_packet_ray(struct RTCRayHit16 *packet, uint32_t i, hw_vec3 origin,
+                           hw_vec3 direction, float t_max)
 {
-    struct RTCRayHit16 packet;
+    packet->ray.org_x[i] = origin.x;
+    packet->ray.org_y[i] = origin.y;
+    packet->ray.org_z[i] = origin.z;
+    packet->ray.tnear[i] = 0;
+    packet->ray.dir_x[i] = direction.x;
+    packet->ray.dir_y[i] = direction.y;
+    packet->ray.dir_z[i] = direction.z;
+    packet->ray.time[i] = 0;
+    packet->ray.tfar[i] = t_max;
+    packet->ray.mask[i] = UINT32_MAX;
+    packet->ray.id[i] = 0;
+    packet->ray.flags[i] = 0;
+    packet->hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
+    packet->hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
+}
+
+// Casts the first `count` rays of a packet, all PACKET of which are set.
+static void cast_packet(RTCScene scene, struct RTCIntersectContext *context,
+                        struct RTCRayHit16 *packet, uint32_t count, hw_hit *hits)
+{
     _Alignas(64) int valid[PACKET];
-    for (uint32_t i = 0; i < PACKET; i++) {
-        hw_vec3 direction = directions[i < count ? i : 0];
+    for (uint32_t i = 0; i < PACKET; i++)
         valid[i] = i < count ? -1 : 0;
-        packet.ray.org_x[i] = origin.x;
-        packet.ray.org_y[i] = origin.y;
-        packet.ray.org_z[i] = origin.z;
-        packet.ray.tnear[i] = 0;
-        packet.ray.dir_x[i] = direction.x;
-        packet.ray.dir_y[i] = direction.y;
-        packet.ray.dir_z[i] = direction.z;
-        packet.ray.time[i] = 0;
-        packet.ray.tfar[i] = t_max;
-        packet.ray.mask[i] = UINT32_MAX;
-        packet.ray.id[i] = 0;
-        packet.ray.flags[i] = 0;
-        packet.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
-        packet.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
-    }
-    rtcIntersect16(valid, scene, context, &packet);
+    rtcIntersect16(valid, scene, context, packet);
     for (uint32_t i = 0; i < count; i++) {
-        bool hit = packet.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID;
-        hits[i].t = hit ? packet.ray.tfar[i] : INFINITY;
-        hits[i].triangle_idx = hit ? packet.hit.primID[i] : 0;
-        hits[i].u = hit ? packet.hit.u[i] : 0;
-        hits[i].v = hit ? packet.hit.v[i] : 0;
+        bool hit = packet->hit.geomID[i] != RTC_INVALID_GEOMETRY_ID;
+        hits[i].t = hit ? packet->ray.tfar[i] : INFINITY;
+        hits[i].triangle_idx = hit ? packet->hit.primID[i] : 0;
+        hits[i].u = hit ? packet->hit.u[i] : 0;
+        hits[i].v = hit ? packet->hit.v[i] : 0;
     }
+}
+
+static struct RTCIntersectContext packet_context(bool coherent)
+{
+    struct RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    context.flags =
+        coherent ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
+    return context;
 }
 
 void hw_rays_cast_object_many(const hw_rays *rays, uint32_t object_idx, hw_vec3 origin,
@@ -263,19 +279,36 @@ void hw_rays_cast_object_many(const hw_rays *rays, uint32_t object_idx, hw_vec3 
 {
     assert(object_idx < rays->object_count);
     const object_place *place = &rays->places[object_idx];
-    struct RTCIntersectContext context;
-    rtcInitIntersectContext(&context);
-    context.flags =
-        coherent ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
+    struct RTCIntersectContext context = packet_context(coherent);
     hw_vec3 local_origin = hw_mat4_point(&place->inverse, origin);
     for (uint32_t first = 0; first < count; first += PACKET) {
         uint32_t n = count - first < PACKET ? count - first : PACKET;
-        hw_vec3 local[PACKET];
-        for (uint32_t i = 0; i < n; i++)
-            local[i] = hw_mat4_direction(&place->inverse, directions[first + i]);
-        cast_packet(place->scene, &context, local_origin, local, n, t_max, hits + first);
+        struct RTCRayHit16 packet;
+        hw_vec3 local = {0};
+        for (uint32_t i = 0; i < PACKET; i++) {
+            if (i < n)
+                local = hw_mat4_direction(&place->inverse, directions[first + i]);
+            set_packet_ray(&packet, i, local_origin, local, t_max);
+        }
+        cast_packet(place->scene, &context, &packet, n, hits + first);
         for (uint32_t i = 0; i < n; i++)
             hits[first + i].object_idx = object_idx;
+    }
+}
+
+void hw_rays_cast_parallel(const hw_rays *rays, const hw_vec3 *origins, hw_vec3 direction,
+                           uint32_t count, hw_hit *hits)
+{
+    assert(rays->mesh);
+    struct RTCIntersectContext context = packet_context(true);
+    for (uint32_t first = 0; first < count; first += PACKET) {
+        uint32_t n = count - first < PACKET ? count - first : PACKET;
+        struct RTCRayHit16 packet;
+        for (uint32_t i = 0; i < PACKET; i++)
+            set_packet_ray(&packet, i, origins[first + (i < n ? i : 0)], direction, INFINITY);
+        cast_packet(rays->top, &context, &packet, n, hits + first);
+        for (uint32_t i = 0; i < n; i++)
+            hits[first + i].object_idx = 0;
     }
 }
 

@@ -36,6 +36,41 @@ static void test_plane_at_known_distance(void **state)
     hw_mesh_free(&mesh);
 }
 
+// Parallel rays in packets find what single ones find, for counts that fill no packet too.
+static void test_parallel_rays(void **state)
+{
+    (void)state;
+    hw_mesh mesh = shape_sphere(hw_v3(0, 0, 0), 1, 40, 20);
+    hw_rays *rays = NULL;
+    assert_int_equal(hw_rays_create_mesh(&rays, &mesh), HW_OK);
+    assert_ptr_equal(hw_rays_mesh(rays), &mesh);
+    hw_vec3 origins[37], direction = hw_v3(0.1f, 0.2f, -1);
+    hw_hit hits[38];
+    uint32_t met = 0;
+    hw_rng rng = hw_rng_make(3, 1);
+    for (int i = 0; i < 37; i++)
+        origins[i] = hw_v3(hw_rng_float(&rng) * 3 - 1.5f, hw_rng_float(&rng) * 3 - 1.5f, 4);
+    for (uint32_t count = 0; count <= 37; count++) {
+        hits[count].t = -7;
+        hw_rays_cast_parallel(rays, origins, direction, count, hits);
+        assert_float_equal(hits[count].t, -7, 0); // nothing beyond
+        for (uint32_t i = 0; i < count; i++) {
+            hw_hit single = hw_rays_cast(rays, origins[i], direction, 0, INFINITY);
+            assert_int_equal(isinf(single.t), isinf(hits[i].t));
+            assert_int_equal(hits[i].object_idx, 0);
+            if (isinf(single.t))
+                continue;
+            met++;
+            assert_float_equal(hits[i].t, single.t, 1e-5);
+            hw_vec3 off = hw_v3_sub(hit_point(&mesh, hits[i]), hit_point(&mesh, single));
+            assert_float_equal(hw_v3_length(off), 0, 1e-5);
+        }
+    }
+    assert_true(met > 37);
+    hw_rays_destroy(rays);
+    hw_mesh_free(&mesh);
+}
+
 static void test_edges_do_not_leak(void **state)
 {
     (void)state;
@@ -223,6 +258,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_plane_at_known_distance),
+        cmocka_unit_test(test_parallel_rays),
         cmocka_unit_test(test_edges_do_not_leak),
         cmocka_unit_test(test_scene_names_the_object),
         cmocka_unit_test(test_many_equals_one_by_one),
