@@ -10,6 +10,13 @@ double hw_clock_ms(void)
     return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
 }
 
+double hw_thread_seconds(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
 // A "Name:   123 kB" line of /proc/self/status in bytes.
 static uint64_t status_line_bytes(const char *name)
 {

@@ -4,6 +4,8 @@
 
 // Monotonic milliseconds since an arbitrary start.
 double hw_clock_ms(void);
+// Processor time of the calling thread, seconds since an arbitrary start.
+double hw_thread_seconds(void);
 // Resident set size of this process in bytes, now and at its peak; 0 where /proc is missing.
 uint64_t hw_rss_bytes(void);
 uint64_t hw_rss_peak_bytes(void);

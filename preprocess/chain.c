@@ -1,12 +1,11 @@
 #include "chain.h"
 #include "alloc.h"
-#include "collapse.h"
 #include "deviation.h"
 #include "importance.h"
-#include "metric.h"
 #include "parallel.h"
 #include "pull_back.h"
 #include "rays.h"
+#include "simplify.h"
 #include <math.h>
 #include <string.h>
 
@@ -18,6 +17,7 @@
 
 typedef struct maker {
     const hw_mesh *original;
+    hw_mesh welded; // its positions: what the engine works on
     hw_chain_options options;
     hw_rays *rays;
     hw_outline *outline;
@@ -34,53 +34,6 @@ void hw_chain_free(hw_chain *chain)
     hw_free(chain->levels);
     hw_free(chain->infos);
     memset(chain, 0, sizeof *chain);
-}
-
-// The engine works on positions alone: vertices that differ only in attributes are one.
-static hw_status make_collapser(const hw_mesh *mesh, hw_collapser **out)
-{
-    hw_status status;
-    uint32_t *weld = NULL, *indices = NULL;
-    double(*positions)[3] = NULL;
-    HW_GO(HW_NEW(&weld, mesh->vertex_count));
-    HW_GO(HW_NEW(&indices, mesh->index_count));
-    HW_GO(HW_NEW(&positions, mesh->vertex_count));
-    HW_GO(hw_mesh_weld_map(mesh, weld));
-    for (uint32_t i = 0; i < mesh->index_count; i++)
-        indices[i] = weld[mesh->indices[i]];
-    for (uint32_t v = 0; v < mesh->vertex_count; v++) {
-        positions[v][0] = mesh->positions[v].x;
-        positions[v][1] = mesh->positions[v].y;
-        positions[v][2] = mesh->positions[v].z;
-    }
-    HW_GO(hw_collapser_create((const double(*)[3])positions, mesh->vertex_count, indices,
-                              mesh->index_count / 3, NULL, HW_COMPLEX_SPLIT, out));
-out:
-    hw_free(weld);
-    hw_free(indices);
-    hw_free(positions);
-    return status;
-}
-
-static hw_status snapshot(const hw_collapser *c, hw_mesh *out)
-{
-    hw_status status;
-    uint32_t *vertices = NULL;
-    memset(out, 0, sizeof *out);
-    HW_GO(HW_NEW(&vertices, c->vertex_count));
-    HW_GO(HW_NEW(&out->indices, 3 * (size_t)c->live_faces));
-    out->index_count = 3 * c->live_faces;
-    out->vertex_count = hw_collapser_extract(c, vertices, out->indices);
-    HW_GO(HW_NEW(&out->positions, out->vertex_count));
-    for (uint32_t v = 0; v < out->vertex_count; v++) {
-        const double *p = c->positions[vertices[v]];
-        out->positions[v] = hw_v3((float)p[0], (float)p[1], (float)p[2]);
-    }
-out:
-    hw_free(vertices);
-    if (status != HW_OK)
-        hw_mesh_free(out);
-    return status;
 }
 
 // Pulls vertices back, takes colours over, and measures.
@@ -108,7 +61,7 @@ static hw_status collapse_levels(maker *m)
     hw_collapser *c = NULL;
     float *importance = NULL;
     hw_chain *chain = m->chain;
-    HW_GO(make_collapser(m->original, &c));
+    HW_GO(hw_collapser_from_mesh(&m->welded, &c));
     HW_GO(HW_NEW(&importance, c->vertex_count));
     for (uint32_t v = 0; v < c->vertex_count; v++)
         importance[v] = m->importance[c->source[v]];
@@ -121,7 +74,7 @@ static hw_status collapse_levels(maker *m)
         HW_GO(hw_collapser_run(c, &metric, &limits));
         if (c->live_faces == before)
             break; // nothing more can go
-        HW_GO(snapshot(c, &chain->levels[chain->level_count]));
+        HW_GO(hw_collapser_to_mesh(c, &chain->levels[chain->level_count]));
         chain->level_count++;
     }
 out:
@@ -165,15 +118,18 @@ hw_status hw_chain_make(const hw_mesh *mesh, const hw_chain_options *options, hw
         return HW_OK; // nothing to simplify, measure or see
     HW_GO(hw_rays_create_mesh(&m.rays, mesh));
     HW_GO(hw_outline_create(&m.outline, mesh, OUTLINE_VIEWS, OUTLINE_RESOLUTION));
-    HW_GO(HW_NEW(&m.importance, mesh->vertex_count));
+    HW_GO(hw_mesh_weld_positions(mesh, &m.welded));
+    HW_GO(hw_mesh_compute_normals(&m.welded));
+    HW_GO(HW_NEW(&m.importance, m.welded.vertex_count));
     const hw_importance_options importance = {IMPORTANCE_LINES, m.options.importance_floor,
                                               HW_IMPORTANCE_WALKER_DEGREES, m.options.threads};
-    HW_GO(hw_silhouette_importance(mesh, m.rays, &importance, m.importance));
+    HW_GO(hw_silhouette_importance(&m.welded, m.rays, &importance, m.importance));
     HW_GO(collapse_levels(&m));
     HW_GO(hw_parallel_for(out->level_count - 1, m.options.threads, finish_level, &m, NULL));
     make_errors_monotone(out);
 out:
     hw_free(m.importance);
+    hw_mesh_free(&m.welded);
     hw_outline_destroy(m.outline);
     hw_rays_destroy(m.rays);
     if (status != HW_OK)

@@ -87,10 +87,9 @@ static hw_status measure_volumes(const hw_mesh *a, const hw_mesh *b, hw_measures
     HW_TRY(hw_mesh_open_edges(b, &out->open_edges[1]));
     out->volume[0] = hw_mesh_volume(a);
     out->volume[1] = hw_mesh_volume(b);
-    bool closed = out->open_edges[0] == 0 && out->open_edges[1] == 0;
     // A sheet with two sides has but the volume of its rounding.
     bool solid = fabs(out->volume[0]) > 1e-12 * pow(out->diagonal, 3);
-    out->volume_ratio = closed && solid ? out->volume[1] / out->volume[0] : NAN;
+    out->volume_ratio = solid ? out->volume[1] / out->volume[0] : NAN;
     return HW_OK;
 }
 

@@ -29,7 +29,8 @@ typedef struct hw_measures {
     double diagonal;                       // of a's box: distances are told in percent of it
     double volume[2];                      // hw_mesh_volume
     uint64_t open_edges[2];
-    double volume_ratio; // K_vol: b's over a's; NaN if either is open or a has no volume
+    double volume_ratio; // K_vol: b's over a's; NaN if a has none. Of open meshes it depends on
+                         // where the origin lies: see open_edges
     hw_sliver sliver[2];
     hw_view_errors views; // all NaN without images
     double pixel;         // size of a pixel of the views, in units; NaN without images

@@ -146,10 +146,10 @@ static void print_table(const hw_mesh meshes[2], const hw_measures *m, float sca
     print_side("A to B", &m->forward, m->diagonal);
     print_side("B to A", &m->backward, m->diagonal);
     if (isfinite(m->volume_ratio))
-        printf("\n%-22s %12.6f\n", "K_vol", m->volume_ratio);
+        printf("\n%-22s %12.6f%s\n", "K_vol", m->volume_ratio,
+               m->open_edges[0] || m->open_edges[1] ? "   not closed: an estimate" : "");
     else
-        printf("\n%-22s %12s   %s\n", "K_vol", "-",
-               m->open_edges[0] || m->open_edges[1] ? "open" : "A has no volume");
+        printf("\n%-22s %12s   A has no volume\n", "K_vol", "-");
     if (!options.no_images) {
         printf("%-22s %12.6f\n%-22s %12.6f\n", "K_L1", m->views.l1, "K_L2", m->views.l2);
         printf("%-22s %12.2f   pixels a view, %.4f %% of A's %.0f\n", "K_sil", m->views.silhouette,

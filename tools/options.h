@@ -40,7 +40,7 @@ typedef struct hw_command {
 
 // Each in its own cmd_<name>.c.
 extern const hw_command hw_cmd_park, hw_cmd_build, hw_cmd_tour, hw_cmd_walk, hw_cmd_render,
-    hw_cmd_measure, hw_cmd_compare, hw_cmd_info;
+    hw_cmd_measure, hw_cmd_compare, hw_cmd_simplify, hw_cmd_info;
 // All commands, in the order of help; ends with NULL.
 extern const hw_command *const hw_commands[];
 

@@ -2,13 +2,13 @@
 // of some twenty edges with every collapse.
 //
 // GeMS keeps one record per edge and a hash table to find it, so that records can be erased and
-// reinserted. This queue never searches: vertices carry two counters, an entry remembers their sums,
-// and an entry that does not match them is out of date. The *generation* of a vertex rises when it
-// was merged: its old entries are dropped where they come up, new ones were pushed. It is *touched*
-// when a neighbour was merged: its entries are evaluated again only when they come up, which most
-// never do. Entries out of date are purged when the heap is full, so it never holds more than twice
-// the edges of the mesh. Measured against hashing this saves the table (12 bytes an edge) and four
-// in five evaluations.
+// reinserted. This queue never searches: vertices carry two counters, an entry remembers their
+// sums, and an entry that does not match them is out of date. The *generation* of a vertex rises
+// when it was merged: its old entries are dropped where they come up, new ones were pushed. It is
+// *touched* when a neighbour was merged: its entries are evaluated again only when they come up,
+// which most never do. Entries out of date are purged when the heap is full, so it never holds more
+// than twice the edges of the mesh. Measured against hashing this saves the table (12 bytes an
+// edge) and four in five evaluations.
 #pragma once
 #include "status.h"
 #include <stdbool.h>

@@ -26,7 +26,7 @@ typedef struct hw_domain {
     // faces on the edge, which vanish (and the wall on it).
     uint32_t kept, walls, count;
     hw_domain_face faces[HW_DOMAIN_FACES_MAX];
-    hw_quadric scratch; // of the metric
+    hw_quadric scratch;   // of the metric
     double constraint[4]; // of the metric: a plane
 } hw_domain;
 

@@ -65,8 +65,8 @@ static void propose(const hw_metric *m, const hw_domain *r, hw_candidates *c)
     if (fixed >= 0) {
         add_candidate(c, r->ends[fixed], (int8_t)fixed);
     } else {
-        if (m->placement == HW_PLACEMENT_OPTIMAL &&
-            own_or_quadric_optimum(m, r, middle, x) && within_reach(r, middle, x))
+        if (m->placement == HW_PLACEMENT_OPTIMAL && own_or_quadric_optimum(m, r, middle, x) &&
+            within_reach(r, middle, x))
             add_candidate(c, x, -1);
         bool alone = c->count > 0 && m->optimum; // nothing is better than the metric's own optimum
         if (m->placement != HW_PLACEMENT_ENDS && !alone)

@@ -2,8 +2,8 @@
 // file and one row of the table in metrics.c. README.md shows how.
 #pragma once
 #include "collapse.h"
-#include "mesh.h"
 #include "domain.h"
+#include "mesh.h"
 
 // Where the merged vertex may go (GeMS 2; the dissertation's section 4.1). Bits are what a file
 // would need to tell which.
@@ -11,7 +11,7 @@ typedef enum hw_placement {
     HW_PLACEMENT_MIDPOINT, // 0 bit
     HW_PLACEMENT_ENDS,     // 1 bit: half-edge collapse
     HW_PLACEMENT_SUBSET,   // 2 bits: both ends and the midpoint
-    HW_PLACEMENT_OPTIMAL   // anywhere near the edge; the best of the subset where there is no minimum
+    HW_PLACEMENT_OPTIMAL // anywhere near the edge; the best of the subset where there is no minimum
 } hw_placement;
 
 struct hw_metric {
@@ -41,23 +41,25 @@ void hw_metric_evaluate(const hw_metric *metric, const hw_collapser *collapser, 
 
 // ---- metrics by name -------------------------------------------------------------------------
 
+#define HW_PM_KAPPA 1e-3
+
 // What metrics are made from. All borrowed for the metric's life.
 typedef struct hw_metric_setup {
-    const hw_collapser *collapser; // as created, before the first collapse
-    const hw_mesh *mesh;           // what it was made of: vertex source[v] is that of vertex v
-    double kappa;                  // of `pm`: stiffness of its springs; 0 = 1e-3
-    hw_vec3 eye;                   // of `viewcell` and `screen`: where the mesh is seen from ...
-    double focal_px;               // ... and pixels per unit at distance 1
-    double elevation_degrees;      // of `silhouette`: how steep a line of sight may be; 0 = 90
-    float importance_floor;        // of `silhouette`; 0 = 0.05
-    uint32_t threads;              // 0 = default
+    const hw_collapser *collapser;
+    const hw_mesh *mesh;      // what that was made of: vertex source[v] is that of vertex v
+    double kappa;             // of `pm`: stiffness of its springs; 0 = HW_PM_KAPPA
+    hw_vec3 eye;              // of `viewcell` and `screen`: where the mesh is seen from ...
+    double focal_px;          // ... and pixels per unit at distance 1
+    double elevation_degrees; // of `silhouette`: how steep a line of sight may be; 0 = 90
+    float importance_floor;   // of `silhouette`; 0 = 0.05
+    uint32_t threads;         // 0 = default
 } hw_metric_setup;
 
 typedef struct hw_metric_kind {
     const char *name, *summary;
-    const char *unit; // of its error
+    const char *unit;       // of its error
     hw_placement placement; // unless the user says otherwise
-    bool needs_eye;
+    bool needs_eye, uses_kappa;
     hw_status (*create)(const hw_metric_setup *setup, hw_metric *out);
 } hw_metric_kind;
 

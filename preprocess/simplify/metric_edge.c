@@ -12,8 +12,6 @@ static void error(void *context, const hw_domain *r, const hw_candidates *c,
 
 hw_metric hw_metric_edge(void)
 {
-    return (hw_metric){.name = "edge",
-                       .placement = HW_PLACEMENT_MIDPOINT,
-                       .edge_only = true,
-                       .error = error};
+    return (hw_metric){
+        .name = "edge", .placement = HW_PLACEMENT_MIDPOINT, .edge_only = true, .error = error};
 }

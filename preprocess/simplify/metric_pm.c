@@ -4,8 +4,6 @@
 #include "alloc.h"
 #include "metrics.h"
 
-#define DEFAULT_KAPPA 1e-3
-
 typedef struct springs {
     double kappa;
 } springs;
@@ -71,7 +69,7 @@ hw_status hw_metric_pm(double kappa, hw_metric *out)
     springs *s = NULL;
     *out = (hw_metric){0};
     HW_TRY(HW_NEW(&s, 1));
-    s->kappa = kappa > 0 ? kappa : DEFAULT_KAPPA;
+    s->kappa = kappa > 0 ? kappa : HW_PM_KAPPA;
     *out = (hw_metric){.name = "pm",
                        .context = s,
                        .placement = HW_PLACEMENT_SUBSET,

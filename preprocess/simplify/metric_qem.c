@@ -56,8 +56,8 @@ static void add_face(const hw_collapser *c, const uint32_t face[3], qem *m)
             p[k][i] = c->positions[face[k]][i] - m->origin[i];
     for (int i = 0; i < 3; i++) {
         int j = (i + 1) % 3, k = (i + 2) % 3;
-        n[i] = (p[1][j] - p[0][j]) * (p[2][k] - p[0][k]) -
-               (p[1][k] - p[0][k]) * (p[2][j] - p[0][j]);
+        n[i] =
+            (p[1][j] - p[0][j]) * (p[2][k] - p[0][k]) - (p[1][k] - p[0][k]) * (p[2][j] - p[0][j]);
     }
     double size = sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
     if (!(size > 0))

@@ -17,11 +17,9 @@ static void prepare(void *context, hw_domain *r)
     for (uint32_t i = 0; i < r->count; i++) {
         const hw_domain_face *f = &r->faces[i];
         double size = __builtin_sqrt(f->n[0] * f->n[0] + f->n[1] * f->n[1] + f->n[2] * f->n[2]);
-        double weight =
-            ((double)importance[f->p] + importance[f->q] + importance[f->r]) / 3;
+        double weight = ((double)importance[f->p] + importance[f->q] + importance[f->r]) / 3;
         if (size > 0)
-            hw_quadric_add_plane(&r->scratch, f->n, f->d, weight * 0.5 / size,
-                                 weight * 0.5 * size);
+            hw_quadric_add_plane(&r->scratch, f->n, f->d, weight * 0.5 / size, weight * 0.5 * size);
     }
 }
 

@@ -101,8 +101,8 @@ static void mark_front(const hw_collapser *c, hw_vec3 eye, bool *front)
         double volume = 0;
         for (int i = 0; i < 3; i++) {
             int j = (i + 1) % 3, k = (i + 2) % 3;
-            volume += (e[i] - p[i]) *
-                      ((q[j] - p[j]) * (s[k] - p[k]) - (q[k] - p[k]) * (s[j] - p[j]));
+            volume +=
+                (e[i] - p[i]) * ((q[j] - p[j]) * (s[k] - p[k]) - (q[k] - p[k]) * (s[j] - p[j]));
         }
         for (int k = 0; k < 3 && volume > 0; k++)
             front[t[k]] = true;

@@ -37,8 +37,7 @@ static bool optimum(void *context, const hw_domain *r, double x[3])
 {
     (void)context;
     const double middle[3] = {r->ends[1][0] / 2, r->ends[1][1] / 2, r->ends[1][2] / 2};
-    return hw_quadric_minimise_on(&r->scratch, r->constraint, r->constraint[3],
-                                  middle, x);
+    return hw_quadric_minimise_on(&r->scratch, r->constraint, r->constraint[3], middle, x);
 }
 
 hw_metric hw_metric_volume(void)

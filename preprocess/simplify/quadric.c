@@ -40,8 +40,8 @@ static bool invert(const hw_quadric *q, double s, inverse *out)
     if (!(determinant > 0))
         return false;
     double i = 1 / determinant;
-    *out = (inverse){i * c0, i * c1, i * c2, i * (a * f - c * c), i * (b * c - a * e),
-                     i * (a * d - b * b)};
+    *out = (inverse){
+        i * c0, i * c1, i * c2, i * (a * f - c * c), i * (b * c - a * e), i * (a * d - b * b)};
     return isfinite(i);
 }
 
@@ -52,8 +52,8 @@ static inline void apply(const inverse *m, double x, double y, double z, double 
     out[2] = m->i02 * x + m->i12 * y + m->i22 * z;
 }
 
-bool hw_quadric_minimise_on(const hw_quadric *q, const double g[3], double s,
-                            const double guide[3], double x[3])
+bool hw_quadric_minimise_on(const hw_quadric *q, const double g[3], double s, const double guide[3],
+                            double x[3])
 {
     double pull = PULL * (q->a00 + q->a11 + q->a22) / 3, step[3];
     inverse m;

@@ -33,5 +33,5 @@ double hw_quadric_at(const hw_quadric *q, double x, double y, double z);
 // The minimiser, drawn weakly towards `guide` where the quadric is flat. False if singular.
 bool hw_quadric_minimise(const hw_quadric *q, const double guide[3], double x[3]);
 // The same on the plane g . x + s = 0; the plane is left aside if g is 0.
-bool hw_quadric_minimise_on(const hw_quadric *q, const double g[3], double s,
-                            const double guide[3], double x[3]);
+bool hw_quadric_minimise_on(const hw_quadric *q, const double g[3], double s, const double guide[3],
+                            double x[3]);

@@ -94,7 +94,7 @@ static hw_collapser *create(const shape *s, const bool *locked)
 
 static void run(hw_collapser *c, hw_metric metric, uint32_t faces, double cost)
 {
-    hw_collapse_limits limits = {faces, cost};
+    hw_collapse_limits limits = {.faces = faces, .cost = cost};
     assert_int_equal(hw_collapser_run(c, &metric, &limits), HW_OK);
 }
 
@@ -209,9 +209,9 @@ static void locked_vertices_stay(void **state)
     for (int i = 0; i < 121; i++)
         locked[i] = i % 11 == 0 || i % 11 == 10 || i < 11 || i >= 110;
     hw_collapser *c = create(&s, locked);
-    hw_qem *qem = NULL;
-    assert_int_equal(hw_qem_create(c, &qem), HW_OK);
-    run(c, hw_metric_qem(qem), 0, 1e-9);
+    hw_metric qem;
+    assert_int_equal(hw_metric_qem(c, &qem), HW_OK);
+    run(c, qem, 0, 1e-9);
     assert_int_equal(c->live_faces, 38); // 40 border vertices and no other: n - 2 faces
     for (int i = 0; i < 121; i++)
         if (locked[i]) {
@@ -219,7 +219,7 @@ static void locked_vertices_stay(void **state)
             assert_memory_equal(c->positions[i], s.positions[i], sizeof s.positions[i]);
         }
     assert_true(fabs(area(c) - 100) < 1e-9);
-    hw_qem_destroy(qem);
+    hw_metric_destroy(&qem);
     hw_collapser_destroy(c);
     shape_free(&s);
 }
@@ -236,9 +236,9 @@ static void tolerance_is_a_distance(void **state)
         for (int i = 0; i < 121; i++)
             locked[i] = i % 11 == 0 || i % 11 == 10 || i < 11 || i >= 110;
         hw_collapser *c = create(&s, locked);
-        hw_qem *qem = NULL;
-        assert_int_equal(hw_qem_create(c, &qem), HW_OK);
-        run(c, hw_metric_qem(qem), 0, 0.5 * 0.5);
+        hw_metric qem;
+        assert_int_equal(hw_metric_qem(c, &qem), HW_OK);
+        run(c, qem, 0, 0.5 * 0.5);
         double top = 0;
         for (uint32_t v = 0; v < 121; v++)
             if (c->first_corner[v] != HW_NO_VERTEX)
@@ -247,7 +247,7 @@ static void tolerance_is_a_distance(void **state)
             assert_true(top > 3);
         else
             assert_true(top < 0.2);
-        hw_qem_destroy(qem);
+        hw_metric_destroy(&qem);
         hw_collapser_destroy(c);
         shape_free(&s);
     }
@@ -279,10 +279,10 @@ static void upright_patches_do_not_fold(void **state)
         s.positions[i][2] = 30 * sin(x * 1.7) * cos(y * 1.3);
     }
     hw_collapser *c = create(&s, locked);
-    hw_qem *qem = NULL;
-    assert_int_equal(hw_qem_create(c, &qem), HW_OK);
+    hw_metric qem;
+    assert_int_equal(hw_metric_qem(c, &qem), HW_OK);
     c->upright = true;
-    run(c, hw_metric_qem(qem), 0, 1e6);
+    run(c, qem, 0, 1e6);
     assert_true(c->live_faces < kept);
     double covered = 0;
     for (uint32_t f = 0; f < c->face_count; f++) {
@@ -295,7 +295,7 @@ static void upright_patches_do_not_fold(void **state)
         covered += area2 / 2;
     }
     assert_true(fabs(covered - 64) < 1e-6);
-    hw_qem_destroy(qem);
+    hw_metric_destroy(&qem);
     hw_collapser_destroy(c);
     shape_free(&s);
 }
@@ -307,12 +307,12 @@ static void viewcell_cost_is_the_formula(void **state)
     const float normals[2][3] = {{0, 0, 1}, {0, 0.6f, 0.8f}}, image[2][2] = {{0, 0}, {3, 4}};
     const float weights[2] = {0.125f, 0.5f};
     double positions[2][3] = {{1, 2, 3}, {4, 5, 6}};
-    bool locked[2] = {0};
+    bool locked[2] = {0}, border[2] = {0};
     hw_viewcell_metric context = {normals, image, weights};
     hw_metric metric = hw_metric_viewcell(&context);
-    hw_collapser c = {.vertex_count = 2, .positions = positions, .locked = locked};
+    hw_collapser c = {.vertex_count = 2, .positions = positions, .locked = locked, .border = border};
     hw_collapse out;
-    metric.evaluate(metric.context, &c, 0, 1, &out);
+    hw_metric_evaluate(&metric, &c, 0, 1, &out);
     assert_true(fabs(out.cost - 0.7 * 0.7 * 5 * 0.625) < 1e-6);
     assert_int_equal(out.kept, 1);
     assert_memory_equal(out.position, positions[1], sizeof out.position);
@@ -403,12 +403,12 @@ static void open_patches_stay(void **state)
     for (uint32_t i = 0; i < 24; i++)
         s.indices[i] = faces[i % 12] + i / 12 * 5;
     hw_collapser *c = create(&s, locked);
-    hw_qem *qem = NULL;
-    assert_int_equal(hw_qem_create(c, &qem), HW_OK);
-    run(c, hw_metric_qem(qem), 0, INFINITY);
+    hw_metric qem;
+    assert_int_equal(hw_metric_qem(c, &qem), HW_OK);
+    run(c, qem, 0, INFINITY);
     assert_int_equal(c->live_faces, 4);
     assert_true(fabs(area(c) - 18) < 1e-9);
-    hw_qem_destroy(qem);
+    hw_metric_destroy(&qem);
     hw_collapser_destroy(c);
     shape_free(&s);
 }
@@ -452,7 +452,7 @@ static void failing_allocations_leak_nothing(void **state)
         hw_status status = hw_collapser_create((const double(*)[3])s.positions, s.vertex_count,
                                                s.indices, s.face_count, NULL, HW_COMPLEX_SPLIT, &c);
         hw_metric metric = hw_metric_quadric(NULL);
-        hw_collapse_limits limits = {10, INFINITY};
+        hw_collapse_limits limits = {.faces = 10, .cost = INFINITY};
         if (status == HW_OK)
             status = hw_collapser_run(c, &metric, &limits);
         hw_alloc_fail_after(0);

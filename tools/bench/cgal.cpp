@@ -72,9 +72,8 @@ static void read_back(Mesh &mesh, double *positions, uint32_t *vertex_count, uin
 }
 
 extern "C" int bench_cgal_simplify(bench_cgal_policy policy, double *positions,
-                                   uint32_t *vertex_count, uint32_t *indices,
-                                   uint32_t *index_count, uint32_t face_target,
-                                   double *cpu_seconds)
+                                   uint32_t *vertex_count, uint32_t *indices, uint32_t *index_count,
+                                   uint32_t face_target, double *cpu_seconds)
 try {
     Mesh mesh;
     if (!fill(mesh, positions, *vertex_count, indices, *index_count))
@@ -90,9 +89,8 @@ try {
         Policies policies(mesh);
         SMS::Bounded_normal_change_placement<Policies::Get_placement> placement(
             policies.get_placement());
-        SMS::edge_collapse(mesh, stop,
-                           CGAL::parameters::get_cost(policies.get_cost())
-                               .get_placement(placement));
+        SMS::edge_collapse(
+            mesh, stop, CGAL::parameters::get_cost(policies.get_cost()).get_placement(placement));
     }
     *cpu_seconds = thread_seconds() - start;
     read_back(mesh, positions, vertex_count, indices, index_count);
