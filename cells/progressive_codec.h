@@ -78,8 +78,8 @@ HW_MUST_USE hw_status hw_progressive_get_finest(hw_progressive_reader *r, const 
 HW_MUST_USE hw_status hw_progressive_reader_finish(hw_progressive_reader *r, hw_progressive **out);
 
 // Shared by both sides.
-// Whether hubs make the work too much: over 256 steps a face.
-bool hw_progressive_too_much_work(const hw_links *links);
+// Whether hubs make the work too much: over 256 steps for each face up to the end of the block.
+bool hw_progressive_too_much_work(const hw_links *links, uint32_t end_face);
 // The code that `removed` is expected to have: that of `kept` if it did not move, else its place
 // before mirrored at its place after.
 void hw_progressive_predict(const hw_position_grid *grid, const int32_t coarse[3],
