@@ -293,14 +293,14 @@ static hw_status get_explicit(hw_progressive_reader *r, block *b, uint32_t recor
 
 static hw_status get_connectivity(hw_progressive_reader *r, block *b, uint32_t at, new_faces *out)
 {
-    uint32_t record = b->first + at, kind = b->kinds[at], s = b->s[at], t = b->t[at];
+    uint32_t record = b->first + at, kind = b->kinds[at] & 3, s = b->s[at], t = b->t[at];
     if (kind == HW_SPLIT_EXPLICIT)
         return get_explicit(r, b, record, out);
     if (s == 255)
         s = get_varint(&b->extra);
     if (t == 255)
         t = get_varint(&b->extra);
-    if (kind >= HW_SPLIT_KINDS || b->extra.failed)
+    if (b->extra.failed)
         return fail_record(record, "cannot be read");
     if (!hw_fan_divide(&r->fan, (hw_split_kind)kind, s, t))
         return fail_record(record, "divides faces that are not there");
@@ -312,55 +312,73 @@ static hw_status get_connectivity(hw_progressive_reader *r, block *b, uint32_t a
     return HW_OK;
 }
 
-static hw_status get_geometry(hw_progressive *p, const block *b, uint32_t at)
+static void add_differences(const block *b, uint32_t at, uint32_t part, int32_t code[3])
 {
-    uint32_t record = b->first + at, k = p->kept[record], l = p->info.base_vertex_count + record;
     size_t n = 3 * (size_t)b->count;
-    int32_t fine[3], expected[3];
-    for (uint32_t i = 0; i < 3; i++) {
-        uint32_t delta = hw_unzigzag(plane_value(b->geometry, n, (size_t)i * b->count + at));
-        p->deltas[record][i] = (int32_t)delta;
-        fine[i] = (int32_t)((uint32_t)p->codes[k][i] + delta);
-    }
-    if (!hw_position_grid_has(&p->info.grid, fine))
-        return fail_record(record, "a vertex is at no position");
-    hw_progressive_predict(&p->info.grid, p->codes[k], fine, expected);
-    memcpy(p->codes[k], fine, sizeof fine);
+    const uint8_t *planes = b->geometry + part * 4 * n;
     for (uint32_t i = 0; i < 3; i++)
-        p->codes[l][i] =
-            (int32_t)((uint32_t)expected[i] +
-                      hw_unzigzag(plane_value(b->geometry + 4 * n, n, (size_t)i * b->count + at)));
-    return hw_position_grid_has(&p->info.grid, p->codes[l])
-               ? HW_OK
-               : fail_record(record, "a vertex is at no position");
+        code[i] = (int32_t)((uint32_t)code[i] +
+                            hw_unzigzag(plane_value(planes, n, (size_t)i * b->count + at)));
+}
+
+static hw_status get_geometry(hw_progressive *p, const block *b, uint32_t at,
+                              const hw_ring_means *means)
+{
+    uint32_t record = b->first + at;
+    const hw_position_grid *grid = &p->info.grid;
+    hw_place place = (hw_place)(b->kinds[at] >> 2);
+    int32_t *k = p->codes[p->kept[record]], *l = p->codes[p->info.base_vertex_count + record];
+    int32_t kept[3];
+    hw_place_kept(grid, place, k, means, kept);
+    add_differences(b, at, 0, kept);
+    if (!hw_position_grid_has(grid, kept))
+        return fail_record(record, "a vertex is at no position");
+    hw_place_removed(grid, place, k, kept, means, l);
+    add_differences(b, at, 1, l);
+    for (int i = 0; i < 3; i++)
+        p->deltas[record][i] = (int32_t)((uint32_t)kept[i] - (uint32_t)k[i]);
+    memcpy(k, kept, sizeof kept);
+    return hw_position_grid_has(grid, l) ? HW_OK
+                                         : fail_record(record, "a vertex is at no position");
+}
+
+// Corners and faces of the record, where the fan has been divided.
+static void insert_faces(hw_progressive_reader *r, uint32_t k, uint32_t l, const new_faces *faces)
+{
+    hw_progressive *p = r->p;
+    for (uint32_t i = 0; i < r->fan.count; i++)
+        if (r->fan.moved[i])
+            p->corners[r->fan.corners[i]] = l;
+    hw_fan_move(&r->fan, &r->links, k, l);
+    for (uint32_t i = 0; i < faces->count; i++) {
+        uint32_t *corners = p->corners + 3 * (size_t)p->face_count;
+        corners[0] = k;
+        corners[1] = faces->along[i] ? l : faces->tip[i];
+        corners[2] = faces->along[i] ? faces->tip[i] : l;
+        hw_links_add_face(&r->links, p->corners, p->face_count++);
+    }
 }
 
 static hw_status get_record(hw_progressive_reader *r, block *b, uint32_t at)
 {
     hw_progressive *p = r->p;
-    uint32_t record = b->first + at, l = p->info.base_vertex_count + record;
+    uint32_t record = b->first + at;
     new_faces faces = {0};
+    hw_ring_means means;
+    if (b->kinds[at] >= HW_SPLIT_KINDS * HW_PLACES)
+        return fail_record(record, "cannot be read");
     HW_TRY(get_kept(r, b, at));
-    uint32_t k = p->kept[record];
-    HW_TRY(hw_fan_look(&r->fan, &r->links, p->corners, k));
+    HW_TRY(hw_fan_look(&r->fan, &r->links, p->corners, p->kept[record]));
     if (hw_progressive_too_much_work(&r->links, b->end_face))
         return hw_fail(HW_FORMAT, "too many faces meet at a vertex again and again");
     HW_TRY(get_connectivity(r, b, at, &faces));
     if (p->face_count + faces.count > b->end_face)
         return fail_record(record, "has more faces than its block");
-    for (uint32_t i = 0; i < r->fan.count; i++)
-        if (r->fan.moved[i])
-            p->corners[r->fan.corners[i]] = l;
-    hw_fan_move(&r->fan, &r->links, k, l);
-    for (uint32_t i = 0; i < faces.count; i++) {
-        uint32_t *corners = p->corners + 3 * (size_t)p->face_count;
-        corners[0] = k;
-        corners[1] = faces.along[i] ? l : faces.tip[i];
-        corners[2] = faces.along[i] ? faces.tip[i] : l;
-        hw_links_add_face(&r->links, p->corners, p->face_count++);
-    }
+    hw_ring_means_find(&p->info.grid, &r->fan, p->corners, (const int32_t(*)[3])p->codes, faces.tip,
+                       faces.count, &means);
+    insert_faces(r, p->kept[record], p->info.base_vertex_count + record, &faces);
     p->first_face[record + 1] = p->face_count;
-    return get_geometry(p, b, at);
+    return get_geometry(p, b, at, &means);
 }
 
 // Once a batch is all applied, the corners that each of its records moves are those of its vertex.

@@ -18,25 +18,6 @@ bool hw_progressive_too_much_work(const hw_links *links, uint32_t end_face)
     return links->steps > 256 * ((uint64_t)end_face + 65536);
 }
 
-void hw_progressive_predict(const hw_position_grid *grid, const int32_t coarse[3],
-                            const int32_t fine[3], int32_t out[3])
-{
-    float before[3], after[3];
-    memcpy(out, fine, 3 * sizeof *out);
-    if (memcmp(coarse, fine, 3 * sizeof *fine) == 0)
-        return;
-    if (!grid->lossless) {
-        for (int i = 0; i < 3; i++)
-            out[i] = (int32_t)(2 * (uint32_t)coarse[i] - (uint32_t)fine[i]);
-        return;
-    }
-    hw_position_grid_decode(grid, coarse, before);
-    hw_position_grid_decode(grid, fine, after);
-    for (int i = 0; i < 3; i++)
-        before[i] = 2 * before[i] - after[i];
-    hw_position_grid_encode(grid, before, out);
-}
-
 // --- Head ----------------------------------------------------------------------------------------
 
 void hw_progressive_head_free(hw_progressive_head *head)
@@ -288,13 +269,30 @@ static uint8_t put_small(hw_bytes_writer *extra, uint32_t value)
     return 255;
 }
 
-static void put_explicit(const hw_progressive_writer *w, uint32_t r, const bool along[2],
-                         const uint32_t tip[2], hw_bytes_writer *extra)
+// The faces that a record brings: on which side of the edge, and their third vertices.
+typedef struct new_faces {
+    uint32_t count;
+    bool along[2];
+    uint32_t tip[2];
+} new_faces;
+
+static void find_new_faces(const hw_progressive_writer *w, uint32_t r, new_faces *out)
 {
-    uint32_t faces = w->p->first_face[r + 1] - w->p->first_face[r];
-    put_varint(extra, (faces == 2) | (uint32_t)along[0] << 1 | (uint32_t)along[1] << 2);
-    for (uint32_t i = 0; i < faces; i++)
-        put_varint(extra, tip[i]);
+    uint32_t f = w->p->first_face[r];
+    *out = (new_faces){.count = w->p->first_face[r + 1] - f};
+    for (uint32_t i = 0; i < out->count; i++) {
+        out->along[i] = is_moved_corner(w->p, r, 3 * (f + i) + 1);
+        out->tip[i] = w->corners[3 * (f + i) + (out->along[i] ? 2 : 1)];
+    }
+}
+
+static void put_explicit(const hw_progressive_writer *w, const new_faces *faces,
+                         hw_bytes_writer *extra)
+{
+    put_varint(extra, (faces->count == 2) | (uint32_t)faces->along[0] << 1 |
+                          (uint32_t)faces->along[1] << 2);
+    for (uint32_t i = 0; i < faces->count; i++)
+        put_varint(extra, faces->tip[i]);
     for (uint32_t i = 0; i < w->fan.count; i += 8) {
         uint32_t bits = 0;
         for (uint32_t k = 0; k < 8 && i + k < w->fan.count; k++)
@@ -303,59 +301,91 @@ static void put_explicit(const hw_progressive_writer *w, uint32_t r, const bool 
     }
 }
 
-static void put_connectivity(const hw_progressive_writer *w, uint32_t r, block *b)
+static void put_connectivity(const hw_progressive_writer *w, const new_faces *faces, block *b)
 {
-    const hw_progressive *p = w->p;
-    uint32_t f = p->first_face[r], faces = p->first_face[r + 1] - f, s = 0, t = 0;
-    bool along[2] = {false, false};
-    uint32_t tip[2] = {HW_NO_INDEX, HW_NO_INDEX};
-    for (uint32_t i = 0; i < faces; i++) {
-        along[i] = is_moved_corner(p, r, 3 * (f + i) + 1);
-        tip[i] = w->corners[3 * (f + i) + (along[i] ? 2 : 1)];
-    }
+    uint32_t s = 0, t = 0;
+    const bool *along = faces->along;
+    const uint32_t *tip = faces->tip;
     hw_split_kind kind = HW_SPLIT_EXPLICIT;
-    if (faces == 1)
+    if (faces->count == 1)
         kind = hw_fan_recognise(&w->fan, along[0] ? HW_NO_INDEX : tip[0],
                                 along[0] ? tip[0] : HW_NO_INDEX, &s, &t);
     else if (!along[0] && along[1])
         kind = hw_fan_recognise(&w->fan, tip[0], tip[1], &s, &t);
     b->kinds[b->at] = (uint8_t)kind;
     if (kind == HW_SPLIT_EXPLICIT) {
-        put_explicit(w, r, along, tip, &b->extra);
+        put_explicit(w, faces, &b->extra);
         return;
     }
     b->s[b->at] = put_small(&b->extra, s);
     b->t[b->at] = put_small(&b->extra, t);
 }
 
-static void put_geometry(hw_progressive_writer *w, uint32_t r, const int32_t coarse[3], block *b)
+static uint32_t bit_length(uint32_t value)
 {
-    uint32_t k = w->p->kept[r], l = w->p->info.base_vertex_count + r;
-    int32_t expected[3];
-    hw_progressive_predict(&w->p->info.grid, coarse, w->codes[k], expected);
-    for (uint32_t i = 0; i < 3; i++) {
-        b->geometry[i * b->count + b->at] = hw_zigzag((uint32_t)w->p->deltas[r][i]);
-        b->geometry[(i + 3) * b->count + b->at] =
-            hw_zigzag((uint32_t)w->codes[l][i] - (uint32_t)expected[i]);
+    return value ? 32 - (uint32_t)__builtin_clz(value) : 0;
+}
+
+// Differences to what `place` predicts: of kept, then of removed. Returns about how many bits.
+static uint32_t differences(const hw_progressive_writer *w, hw_place place, uint32_t r,
+                            const int32_t merged[3], const hw_ring_means *means, uint32_t out[6])
+{
+    const hw_position_grid *grid = &w->p->info.grid;
+    const int32_t *k = w->codes[w->p->kept[r]], *l = w->codes[w->p->info.base_vertex_count + r];
+    int32_t kept[3], removed[3];
+    uint32_t bits = 0;
+    hw_place_kept(grid, place, merged, means, kept);
+    hw_place_removed(grid, place, merged, k, means, removed);
+    for (int i = 0; i < 3; i++) {
+        out[i] = hw_zigzag((uint32_t)k[i] - (uint32_t)kept[i]);
+        out[i + 3] = hw_zigzag((uint32_t)l[i] - (uint32_t)removed[i]);
+        bits += bit_length(out[i]) + bit_length(out[i + 3]);
     }
+    return bits;
+}
+
+// Which prediction is best must be told, too: changing it costs some two bits.
+static void put_geometry(hw_progressive_writer *w, uint32_t r, const int32_t merged[3],
+                         const hw_ring_means *means, block *b)
+{
+    uint32_t best[6], other[6];
+    hw_place place = HW_PLACE_REFLECT;
+    if (memcmp(merged, w->codes[w->p->kept[r]], 3 * sizeof *merged) == 0)
+        place = HW_PLACE_KEPT;
+    else if (memcmp(merged, w->codes[w->p->info.base_vertex_count + r], 3 * sizeof *merged) == 0)
+        place = HW_PLACE_REMOVED;
+    uint32_t bits = differences(w, place, r, merged, means, best);
+    if (place == HW_PLACE_REFLECT &&
+        differences(w, HW_PLACE_RING, r, merged, means, other) + 2 < bits) {
+        place = HW_PLACE_RING;
+        memcpy(best, other, sizeof best);
+    }
+    b->kinds[b->at] |= (uint8_t)(place << 2);
+    for (uint32_t i = 0; i < 6; i++)
+        b->geometry[(size_t)i * b->count + b->at] = best[i];
 }
 
 static hw_status put_record(hw_progressive_writer *w, uint32_t r, block *b)
 {
     const hw_progressive *p = w->p;
     uint32_t k = p->kept[r];
-    int32_t coarse[3];
-    memcpy(coarse, w->codes[k], sizeof coarse);
+    int32_t merged[3];
+    new_faces faces;
+    hw_ring_means means;
+    memcpy(merged, w->codes[k], sizeof merged);
     HW_TRY(hw_fan_look(&w->fan, &w->links, w->corners, k));
     if (hw_progressive_too_much_work(&w->links, p->first_face[b->first + b->count]))
         return hw_fail(HW_LIMIT, "too many faces meet at a vertex again and again");
     mark_moved(p, r, &w->fan);
-    put_connectivity(w, r, b);
+    find_new_faces(w, r, &faces);
+    put_connectivity(w, &faces, b);
+    hw_ring_means_find(&p->info.grid, &w->fan, w->corners, (const int32_t(*)[3])w->codes, faces.tip,
+                       faces.count, &means);
     hw_progressive_put(p, r, true, w->corners, w->codes);
     hw_fan_move(&w->fan, &w->links, k, p->info.base_vertex_count + r);
     for (uint32_t f = p->first_face[r]; f < p->first_face[r + 1]; f++)
         hw_links_add_face(&w->links, w->corners, f);
-    put_geometry(w, r, coarse, b);
+    put_geometry(w, r, merged, &means, b);
     return HW_OK;
 }
 
