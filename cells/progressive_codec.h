@@ -2,7 +2,7 @@
 // FORMAT.md has the layout.
 #pragma once
 #include "progressive_file.h"
-#include "progressive_links.h"
+#include "progressive_predict.h"
 
 // Bytes of CONN and of DELT for a record, at least and exactly.
 #define HW_CONNECTIVITY_BYTES 7u
@@ -78,12 +78,8 @@ HW_MUST_USE hw_status hw_progressive_get_finest(hw_progressive_reader *r, const 
 HW_MUST_USE hw_status hw_progressive_reader_finish(hw_progressive_reader *r, hw_progressive **out);
 
 // Shared by both sides.
-// Whether hubs make the work too much: over 256 steps a face.
-bool hw_progressive_too_much_work(const hw_links *links);
-// The code that `removed` is expected to have: that of `kept` if it did not move, else its place
-// before mirrored at its place after.
-void hw_progressive_predict(const hw_position_grid *grid, const int32_t coarse[3],
-                            const int32_t fine[3], int32_t out[3]);
+// Whether hubs make the work too much: over 256 steps for each face up to the end of the block.
+bool hw_progressive_too_much_work(const hw_links *links, uint32_t end_face);
 static inline uint32_t hw_zigzag(uint32_t difference)
 {
     return difference << 1 ^ (difference >> 31 ? UINT32_MAX : 0);

@@ -1,6 +1,6 @@
 // Writes the seeds of the fuzzers below a folder: small valid inputs, and mutations of each. The
 // same bytes on every run; run it again when a format changes.
-#include "../cells/fixtures.h"
+#include "../cells/progressive_fixture.h"
 #include "cell_chunks.h"
 #include "mesh_level.h"
 
@@ -95,6 +95,61 @@ static void make_meshes(const char *folder)
     }
 }
 
+static void put_chunk(hw_bytes_writer *w, const hw_container *file, const char tag[4],
+                      uint32_t number)
+{
+    uint8_t *bytes = NULL;
+    size_t size = 0;
+    must(
+        hw_container_chunk(file, HW_FOURCC(tag[0], tag[1], tag[2], tag[3]), number, &bytes, &size));
+    hw_put_u32(w, (uint32_t)size);
+    hw_put_bytes(w, bytes, size);
+    hw_free(bytes);
+}
+
+static void save_progressive(const char *folder, uint32_t number, const hw_progressive *p)
+{
+    hw_bytes_writer w = {0};
+    hw_container *file = NULL;
+    must(hw_progressive_write(p, UINT32_MAX, "seed.hxp", 1));
+    must(hw_container_open(&file, "seed.hxp", HW_PROGRESSIVE_MAGIC));
+    put_chunk(&w, file, "HEAD", 0);
+    put_chunk(&w, file, "BASE", 0);
+    for (uint32_t b = 0; b < (hw_container_chunk_count(file) - 4) / 2; b++) {
+        put_chunk(&w, file, "CONN", b);
+        put_chunk(&w, file, "DELT", b);
+    }
+    put_chunk(&w, file, "LOOS", 0);
+    put_chunk(&w, file, "ORDR", 0);
+    must(hw_bytes_writer_check(&w));
+    save_all(folder, number, w.data, w.size);
+    hw_bytes_writer_free(&w);
+    hw_container_close(file);
+    remove("seed.hxp");
+}
+
+static void make_progressives(const char *folder)
+{
+    static const uint32_t shapes[] = {3, 4, 5, 6, 7, 2};
+    for (uint32_t i = 0; i < sizeof shapes / sizeof *shapes; i++) {
+        const fixture_options o = {.bits = i % 2 ? 12 : 0,
+                                   .batched = i % 3 != 2,
+                                   .careless = i % 4 == 1,
+                                   .placement = (fixture_placement)(i % 3),
+                                   .keep = 0.2f,
+                                   .seed = i};
+        fixture_recorder r;
+        hw_mesh mesh;
+        hw_progressive *p = NULL;
+        fixture_record(&r, &mesh, shapes[i], &o);
+        must(hw_progressive_create(&p, &r.grid, &r.source, i % 2));
+        save_progressive(folder, i, p);
+        hw_progressive_destroy(p);
+        fixture_recorder_free(&r);
+        hw_mesh_free(&mesh);
+    }
+}
+
 static void make_manifests(const char *folder)
 {
     for (uint32_t i = 0; i < 3; i++) {
@@ -119,13 +174,14 @@ static void make_manifests(const char *folder)
 
 int main(int argc, char **argv)
 {
-    static void (*const makers[])(const char *) = {make_cells, make_meshes, make_manifests};
-    static const char *const names[] = {"cell", "mesh", "manifest"};
+    static void (*const makers[])(const char *) = {make_cells, make_meshes, make_progressives,
+                                                   make_manifests};
+    static const char *const names[] = {"cell", "mesh", "progressive", "manifest"};
     if (argc != 2) {
         fprintf(stderr, "usage: %s FOLDER\n", argv[0]);
         return 2;
     }
-    for (int i = 0; i < 3; i++) {
+    for (int i = 0; i < 4; i++) {
         char *folder = NULL;
         must(hw_path_join(&folder, argv[1], names[i]));
         must(hw_dir_make(folder));
