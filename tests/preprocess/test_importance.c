@@ -91,11 +91,12 @@ static void test_threads_and_usage(void **state)
     hw_rays *rays = NULL;
     assert_int_equal(hw_rays_create_mesh(&rays, &mesh), HW_OK);
     mesh.normals[5] = hw_v3(0, 0, 0);
-    assert_int_equal(hw_silhouette_importance(&mesh, rays, 8, 0.25f, 1, one), HW_OK);
+    hw_importance_options options = {8, 0.25f, HW_IMPORTANCE_WALKER_DEGREES, 1};
+    assert_int_equal(hw_silhouette_importance(&mesh, rays, &options, one), HW_OK);
     assert_float_equal(one[5], 0.25f, 0);
     hw_free(mesh.normals);
     mesh.normals = NULL;
-    assert_int_equal(hw_silhouette_importance(&mesh, rays, 8, 0.1f, 1, one), HW_USAGE);
+    assert_int_equal(hw_silhouette_importance(&mesh, rays, &options, one), HW_USAGE);
     hw_rays_destroy(rays);
     hw_mesh_free(&mesh);
 }
