@@ -104,6 +104,29 @@ static void add_walls(hw_domain *r, uint32_t first, uint32_t last)
     }
 }
 
+// Walls on the open edges that the faces on the edge leave behind: at the corner of a sheet one end
+// has no other face, and its border moves all the same.
+static void add_corner_walls(hw_domain *r, const uint32_t *on_edge, uint32_t count)
+{
+    const hw_collapser *c = r->mesh;
+    for (uint32_t i = 0; i < count; i++) {
+        const uint32_t *face = c->faces[on_edge[i] / 3];
+        uint32_t k = on_edge[i] % 3, q = face[(k + 1) % 3], s = face[(k + 2) % 3];
+        uint32_t third = q == r->b ? s : q;
+        if (!c->border[third])
+            continue;
+        hw_domain_face f;
+        double corners[2][3];
+        relative(r, q, corners[0]);
+        relative(r, s, corners[1]);
+        set_planes(&f, r->ends[0], corners[0], corners[1]);
+        if (c->border[r->a] && hw_collapser_edge_faces(c, r->a, third) == 1)
+            add_wall(r, r->a, third, f.n, third == s);
+        if (c->border[r->b] && hw_collapser_edge_faces(c, r->b, third) == 1)
+            add_wall(r, r->b, third, f.n, third == q);
+    }
+}
+
 bool hw_domain_gather(const hw_collapser *c, uint32_t a, uint32_t b, hw_domain *r)
 {
     uint32_t on_edge[HW_DOMAIN_FACES_MAX], edge_count = 0;
@@ -125,8 +148,10 @@ bool hw_domain_gather(const hw_collapser *c, uint32_t a, uint32_t b, hw_domain *
         add_face(r, k, r->ends[1]);
     }
     r->kept = r->count;
-    if (c->border[a] || c->border[b])
+    if (c->border[a] || c->border[b]) {
         add_walls(r, 0, r->kept);
+        add_corner_walls(r, on_edge, edge_count);
+    }
     r->walls = r->count;
     for (uint32_t i = 0; i < edge_count; i++)
         add_face(r, on_edge[i], r->ends[0]);

@@ -465,6 +465,35 @@ static void flat_places_cost_nothing(void **state)
     free_body(&b);
 }
 
+// The corner of a sheet: a face with two open edges. Cutting it off along one of them moves the
+// other, which must cost as much as any border that moves.
+static void corners_are_not_cut_for_nothing(void **state)
+{
+    (void)state;
+    body b = make_body(shape_plane(hw_v3(0, 0, 0), hw_v3(3, 0, 0), hw_v3(0, 3, 0), 3, 3), 0);
+    hw_metric_setup setup = setup_of(&b);
+    static const char *const names[] = {"quadric", "volume", "uvol", "pm", "screen"};
+    const uint32_t corner = 3, beside[2] = {2, 7};
+    assert_int_equal(hw_collapser_degree(b.c, corner), 1);
+    setup.kappa = 1e-6;
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        hw_metric metric = create(names[i], &setup, HW_PLACEMENT_MIDPOINT);
+        hw_collapse along, cut;
+        hw_metric_evaluate(&metric, b.c, 1, 2, &along); // slides on the straight border
+        for (int k = 0; k < 4; k++) {
+            uint32_t x = k < 2 ? corner : beside[k - 2], y = k < 2 ? beside[k] : corner;
+            hw_metric_evaluate(&metric, b.c, x, y, &cut);
+            assert_true(cut.cost > 100 * along.cost + 0.1);
+        }
+        // With free placement the corner stays where it is, or nearly.
+        metric.placement = HW_PLACEMENT_OPTIMAL;
+        hw_metric_evaluate(&metric, b.c, corner, beside[0], &cut);
+        assert_true(distance2(cut.position, b.c->positions[corner]) < 1e-2);
+        hw_metric_destroy(&metric);
+    }
+    free_body(&b);
+}
+
 // Springs: kappa scales their part, 0 stands for the default.
 static void kappa_is_the_stiffness(void **state)
 {
@@ -952,6 +981,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(costs_are_the_formulas),
         cmocka_unit_test(flat_places_cost_nothing),
+        cmocka_unit_test(corners_are_not_cut_for_nothing),
         cmocka_unit_test(kappa_is_the_stiffness),
         cmocka_unit_test(silhouette_is_quadric_on_a_sphere),
         cmocka_unit_test(outlines_last_longer),
