@@ -1,5 +1,5 @@
-// hexwalk info: what is in a scene, dataset, cell, mesh or tour. One JSON object serves both the
-// file and what is printed.
+// hexwalk info: what is in a scene, dataset, cell, mesh, progressive mesh or tour. One JSON object
+// serves both the file and what is printed.
 #include "bytes.h"
 #include "cell_file.h"
 #include "file.h"
@@ -8,6 +8,7 @@
 #include "manifest.h"
 #include "mesh_file.h"
 #include "options.h"
+#include "progressive_file.h"
 #include "tour.h"
 #include <string.h>
 #include <sys/stat.h>
@@ -180,6 +181,79 @@ static hw_status describe_mesh(const char *path, cJSON *json)
     return HW_OK;
 }
 
+static void add_progressive_sizes(cJSON *json, const hw_progressive_file_info *info)
+{
+    add_integer(json, "file_bytes", info->file_bytes);
+    add_integer(json, "head_bytes", info->head_bytes);
+    add_integer(json, "base_bytes", info->base_bytes);
+    add_integer(json, "connectivity_bytes", info->connectivity_bytes);
+    add_integer(json, "geometry_bytes", info->geometry_bytes);
+    add_integer(json, "loose_bytes", info->loose_bytes);
+    add_integer(json, "order_bytes", info->order_bytes);
+    if (info->vertex_count > 0)
+        hw_json_add_number(json, "bytes_per_vertex", (double)info->file_bytes / info->vertex_count);
+}
+
+// A row for each batch with the mesh once it is applied; in a strict order for each block.
+static void add_progressive_rows(cJSON *json, const hw_progressive_file *file,
+                                 const hw_progressive *mesh)
+{
+    const hw_progressive_file_info *info = hw_progressive_file_get_info(file);
+    bool batched = info->mesh.batch_count > 0;
+    uint32_t rows = batched ? info->mesh.batch_count : info->block_count, records = 0;
+    cJSON *list = cJSON_AddArrayToObject(json, batched ? "batch_list" : "block_list");
+    for (uint32_t i = 0; i < rows; i++) {
+        uint32_t count = batched ? hw_progressive_file_batches(file)[i]
+                                 : hw_progressive_file_block(file, i)->record_count;
+        records += count;
+        cJSON *row = cJSON_CreateObject();
+        cJSON_AddItemToArray(list, row);
+        add_integer(row, batched ? "batch" : "block", i);
+        add_integer(row, "records", count);
+        add_integer(row, "vertices", hw_progressive_vertices_at(mesh, records));
+        add_integer(row, "triangles", hw_progressive_faces_at(mesh, records));
+    }
+}
+
+static void add_progressive(cJSON *json, const hw_progressive_file *file,
+                            const hw_progressive *mesh)
+{
+    const hw_progressive_file_info *info = hw_progressive_file_get_info(file);
+    cJSON_AddStringToObject(json, "kind", "progressive mesh");
+    add_hex(json, "key", info->key);
+    cJSON_AddStringToObject(json, "hierarchy", info->mesh.batch_count ? "batched" : "linear");
+    cJSON_AddStringToObject(json, "grid", info->mesh.grid.lossless ? "lossless" : "steps");
+    if (!info->mesh.grid.lossless)
+        hw_json_add_number(json, "grid_step", info->mesh.grid.step);
+    add_integer(json, "base_vertices", info->mesh.base_vertex_count);
+    add_integer(json, "base_triangles", info->mesh.base_face_count);
+    add_integer(json, "vertices", info->vertex_count);
+    add_integer(json, "triangles", info->face_count);
+    add_integer(json, "records", info->mesh.record_count);
+    add_integer(json, "batches", info->mesh.batch_count);
+    add_integer(json, "blocks", info->block_count);
+    add_integer(json, "copies", info->mesh.copy_count);
+    add_integer(json, "loose_vertices", info->mesh.loose_vertex_count);
+    add_integer(json, "loose_triangles", info->mesh.loose_face_count);
+    cJSON_AddBoolToObject(json, "complete", info->mesh.complete);
+    cJSON_AddBoolToObject(json, "order_kept", info->mesh.keep_order);
+    add_progressive_sizes(json, info);
+    add_progressive_rows(json, file, mesh);
+}
+
+static hw_status describe_progressive(const char *path, cJSON *json)
+{
+    hw_progressive_file *file = NULL;
+    hw_progressive *mesh = NULL;
+    HW_TRY(hw_progressive_file_open(&file, path));
+    hw_status status = hw_progressive_file_read(file, UINT32_MAX, &mesh);
+    if (status == HW_OK)
+        add_progressive(json, file, mesh);
+    hw_progressive_destroy(mesh);
+    hw_progressive_file_close(file);
+    return status;
+}
+
 static hw_status describe_tour(const char *path, cJSON *json)
 {
     hw_tour tour = {0};
@@ -240,6 +314,8 @@ static hw_status describe(const char *path, cJSON *json)
         return describe_cell(path, json);
     if (magic == HW_MESH_MAGIC || has_extension(path, ".hxm"))
         return describe_mesh(path, json);
+    if (magic == HW_PROGRESSIVE_MAGIC || has_extension(path, ".hxp"))
+        return describe_progressive(path, json);
     return has_extension(path, ".json") ? describe_tour(path, json) : describe_scene(path, json);
 }
 
@@ -353,12 +429,12 @@ static hw_status run(int argc, const char *const *argv)
 
 const hw_command hw_cmd_info = {
     .name = "info",
-    .summary = "tell what is in a scene, dataset, cell, mesh or tour",
-    .arguments = "SCENE|DATASET|CELL|MESH|TOUR",
+    .summary = "tell what is in a scene, dataset, cell, mesh, progressive mesh or tour",
+    .arguments = "SCENE|DATASET|CELL|MESH|PROGRESSIVE|TOUR",
     .description =
-        "Reads a dataset folder, a cell (.hxc), a mesh with its levels of detail (.hxm), a tour "
-        "(.json) or any scene or mesh file that can be imported, checks it, and tells what is in "
-        "it.",
+        "Reads a dataset folder, a cell (.hxc), a mesh with its levels of detail (.hxm), a "
+        "progressive mesh (.hxp), a tour (.json) or any scene or mesh file that can be imported, "
+        "checks it, and tells what is in it.",
     .options = options,
     .positional_min = 1,
     .positional_max = 1,

@@ -6,6 +6,11 @@
 // the border against the surface.
 #define WALL_HEIGHT 8.0
 
+// Room for faces that stay, for walls after them, then for the faces on the edge and its wall.
+#define EDGE_FACES_MAX 8
+#define FACES_END      (HW_DOMAIN_FACES_MAX / 2)
+#define WALLS_END      (HW_DOMAIN_FACES_MAX - EDGE_FACES_MAX - 1)
+
 static inline void cross(const double a[3], const double b[3], double out[3])
 {
     out[0] = a[1] * b[2] - a[2] * b[1];
@@ -54,11 +59,10 @@ static inline void relative(const hw_domain *r, uint32_t v, double out[3])
         out[i] = p[i] - r->origin[i];
 }
 
-// The face of corner k.
-static inline void add_face(hw_domain *r, uint32_t k, const double p[3])
+// The face of corner k, whose vertex is at p.
+static inline void make_face(const hw_domain *r, uint32_t k, const double p[3], hw_domain_face *f)
 {
     const uint32_t *face = r->mesh->faces[k / 3];
-    hw_domain_face *f = &r->faces[r->count++];
     double q[3], s[3];
     f->p = face[k % 3];
     f->q = face[(k + 1) % 3];
@@ -68,11 +72,13 @@ static inline void add_face(hw_domain *r, uint32_t k, const double p[3])
     set_planes(f, p, q, s);
 }
 
-// An upright triangle on the border edge from p to q of a face with normal n: it moves with p.
-static void add_wall(hw_domain *r, uint32_t p, uint32_t q, const double n[3], bool backward)
+// An upright triangle on the edge from p to q of a face with normal n, if that is a border: it
+// moves with p.
+static void add_wall(hw_domain *r, uint32_t p, uint32_t q, const double n[3])
 {
     double ends[2][3], apex[3], length2 = 0, size = sqrt(dot(n, n));
-    if (!(size > 0) || r->count == HW_DOMAIN_FACES_MAX)
+    if (!r->mesh->border[p] || !r->mesh->border[q] || hw_collapser_edge_faces(r->mesh, p, q) != 1 ||
+        !(size > 0) || r->count >= HW_DOMAIN_FACES_MAX - 1)
         return;
     relative(r, p, ends[0]);
     relative(r, q, ends[1]);
@@ -83,84 +89,57 @@ static void add_wall(hw_domain *r, uint32_t p, uint32_t q, const double n[3], bo
     hw_domain_face *f = &r->faces[r->count++];
     f->p = p;
     f->q = f->r = q;
-    if (backward)
-        set_planes(f, ends[0], apex, ends[1]);
-    else
-        set_planes(f, ends[0], ends[1], apex);
+    set_planes(f, ends[0], ends[1], apex);
 }
 
-// Walls on those edges of faces [first, last) that end in their moving corner.
-static void add_walls(hw_domain *r, uint32_t first, uint32_t last)
+// Walls on the borders that move: those of the faces that stay, and the outer ones of those that
+// vanish.
+static void add_walls(hw_domain *r, const uint32_t *on_edge, uint32_t edge_count)
 {
-    const hw_collapser *c = r->mesh;
-    for (uint32_t i = first; i < last; i++) {
+    for (uint32_t i = 0; i < r->kept; i++) {
         const hw_domain_face f = r->faces[i];
-        if (!c->border[f.p])
-            continue;
-        if (c->border[f.q] && hw_collapser_edge_faces(c, f.p, f.q) == 1)
-            add_wall(r, f.p, f.q, f.n, false);
-        if (c->border[f.r] && hw_collapser_edge_faces(c, f.p, f.r) == 1)
-            add_wall(r, f.p, f.r, f.n, true);
+        add_wall(r, f.p, f.q, f.n);
+        add_wall(r, f.p, f.r, f.n);
     }
-}
-
-// Walls on the open edges that the faces on the edge leave behind: at the corner of a sheet one end
-// has no other face, and its border moves all the same.
-static void add_corner_walls(hw_domain *r, const uint32_t *on_edge, uint32_t count)
-{
-    const hw_collapser *c = r->mesh;
-    for (uint32_t i = 0; i < count; i++) {
-        const uint32_t *face = c->faces[on_edge[i] / 3];
-        uint32_t k = on_edge[i] % 3, q = face[(k + 1) % 3], s = face[(k + 2) % 3];
-        uint32_t third = q == r->b ? s : q;
-        if (!c->border[third])
-            continue;
+    for (uint32_t i = 0; i < edge_count; i++) {
         hw_domain_face f;
-        double corners[2][3];
-        relative(r, q, corners[0]);
-        relative(r, s, corners[1]);
-        set_planes(&f, r->ends[0], corners[0], corners[1]);
-        if (c->border[r->a] && hw_collapser_edge_faces(c, r->a, third) == 1)
-            add_wall(r, r->a, third, f.n, third == s);
-        if (c->border[r->b] && hw_collapser_edge_faces(c, r->b, third) == 1)
-            add_wall(r, r->b, third, f.n, third == q);
+        make_face(r, on_edge[i], r->ends[0], &f);
+        uint32_t opposite = f.q == r->b ? f.r : f.q;
+        add_wall(r, r->a, opposite, f.n);
+        add_wall(r, r->b, opposite, f.n);
     }
 }
 
 bool hw_domain_gather(const hw_collapser *c, uint32_t a, uint32_t b, hw_domain *r)
 {
-    uint32_t on_edge[HW_DOMAIN_FACES_MAX], edge_count = 0;
+    uint32_t on_edge[EDGE_FACES_MAX], edge_count = 0;
     hw_domain_edge(c, a, b, r);
-    const uint32_t room = HW_DOMAIN_FACES_MAX / 2; // the other half is for walls
     for (uint32_t k = c->first_corner[a]; k != HW_NO_VERTEX; k = hw_next_corner(c, k)) {
-        if (r->count + edge_count >= room)
+        if (r->count + edge_count == FACES_END)
             return false;
-        if (hw_face_has(c->faces[k / 3], b))
+        if (!hw_face_has(c->faces[k / 3], b))
+            make_face(r, k, r->ends[0], &r->faces[r->count++]);
+        else if (edge_count < EDGE_FACES_MAX)
             on_edge[edge_count++] = k;
         else
-            add_face(r, k, r->ends[0]);
+            return false;
     }
     for (uint32_t k = c->first_corner[b]; k != HW_NO_VERTEX; k = hw_next_corner(c, k)) {
         if (hw_face_has(c->faces[k / 3], a))
             continue;
-        if (r->count + edge_count >= room)
+        if (r->count + edge_count == FACES_END)
             return false;
-        add_face(r, k, r->ends[1]);
+        make_face(r, k, r->ends[1], &r->faces[r->count++]);
     }
     r->kept = r->count;
-    if (c->border[a] || c->border[b]) {
-        add_walls(r, 0, r->kept);
-        add_corner_walls(r, on_edge, edge_count);
-    }
-    r->walls = r->count;
+    bool border = c->border[a] || c->border[b];
+    if (border)
+        add_walls(r, on_edge, edge_count);
+    r->walls = r->count = r->count < WALLS_END ? r->count : WALLS_END;
     for (uint32_t i = 0; i < edge_count; i++)
-        add_face(r, on_edge[i], r->ends[0]);
-    if (c->border[a] && c->border[b])
-        for (uint32_t i = r->walls, n = r->count; i < n; i++) {
-            const hw_domain_face f = r->faces[i];
-            if (hw_collapser_edge_faces(c, a, b) == 1)
-                add_wall(r, a, b, f.n, f.r == b);
-        }
+        make_face(r, on_edge[i], r->ends[0], &r->faces[r->count++]);
+    if (border && edge_count == 1)
+        add_wall(r, a, b, r->faces[r->walls].n);
     return true;
 }
 

@@ -322,7 +322,8 @@ static UNUSED bool fixture_try(fixture_recorder *r, const fixture_options *o, ui
     uint32_t common, shared;
     if (face[0] == UINT32_MAX)
         return false;
-    uint32_t k = face[corner % 3], l = face[(corner + 1) % 3];
+    uint32_t turn = hw_rng_below(&r->rng, 2); // either end may stay
+    uint32_t k = face[(corner + turn) % 3], l = face[(corner + 1 - turn) % 3];
     if (o->batched && (r->stamp[k] == batch || r->stamp[l] == batch))
         return false;
     fixture_link(r, k, l, &common, &shared);

@@ -99,7 +99,7 @@ static hw_progressive *make_large(const fixture_options *o, hw_mesh *original)
 {
     fixture_recorder r;
     hw_progressive *p = NULL;
-    fixture_surface(original, 170, 120, false, 1);
+    fixture_surface(original, 120, 90, false, 1);
     fixture_prepare(&r, original, 0, o);
     fixture_run(&r, o);
     must(hw_progressive_create(&p, &r.grid, &r.source, false));
@@ -173,7 +173,8 @@ static void test_prefixes_and_bytes(void **state)
         uint64_t sum = info->head_bytes + info->base_bytes + info->connectivity_bytes +
                        info->geometry_bytes + info->loose_bytes + info->order_bytes;
         assert_true(sum < info->file_bytes && sum + 200 * 40 > info->file_bytes);
-        // Raw, a vertex and its two faces are 36 bytes. Free places are random here: the worst case.
+        // Raw, a vertex and its two faces are 36 bytes. Free places are random here: the worst
+        // case.
         assert_true((double)info->file_bytes / n < (o.bits ? 11 : 22));
         check_prefixes(p, file);
         uint64_t before = 0, bytes = 0;
@@ -188,6 +189,92 @@ static void test_prefixes_and_bytes(void **state)
         hw_progressive_destroy(p);
         hw_mesh_free(&original);
     }
+}
+
+// All ways to write a record occur in these tests.
+static void test_every_kind(void **state)
+{
+    (void)state;
+    uint32_t kinds[HW_SPLIT_KINDS] = {0}, places[HW_PLACES] = {0};
+    for (uint32_t i = 0; i < CONFIGURATIONS; i++) {
+        hw_mesh original;
+        hw_container *file = NULL;
+        uint8_t *bytes = NULL;
+        size_t size = 0;
+        hw_progressive *p = make_progressive(i, false, &original);
+        must(hw_progressive_write(p, UINT32_MAX, PATH, i));
+        must(hw_container_open(&file, PATH, HW_PROGRESSIVE_MAGIC));
+        if (hw_progressive_get_info(p).record_count > 0)
+            must(hw_container_chunk(file, HW_FOURCC('C', 'O', 'N', 'N'), 0, &bytes, &size));
+        for (uint32_t r = 0; r < hw_progressive_get_info(p).record_count; r++) {
+            kinds[bytes[r] & 3]++;
+            // A closed surface stays one. (In a batch it may not on the way: the collapses were
+            // checked in another order.)
+            if (configuration_shape(i) == 0 && !configuration(i).careless &&
+                !configuration(i).batched)
+                assert_int_equal(bytes[r] & 3, HW_SPLIT_BOTH);
+            places[bytes[r] >> 2]++;
+        }
+        hw_free(bytes);
+        hw_container_close(file);
+        hw_progressive_destroy(p);
+        hw_mesh_free(&original);
+    }
+    for (int i = 0; i < 4; i++) {
+        printf("kind %d: %u, place %d: %u\n", i, kinds[i], i, places[i]);
+        assert_true(kinds[i] > 20 && places[i] > 20);
+    }
+    assert_true(kinds[HW_SPLIT_EXPLICIT] < kinds[HW_SPLIT_BOTH] / 2);
+}
+
+// A wheel whose n rim vertices were all merged into the hub, from one end of the rim on: the first
+// of them meet few faces, the last ones n.
+static hw_status write_wheel(uint32_t n)
+{
+    hw_progressive_source s = {.vertex_count = n + 1,
+                               .face_count = n - 1,
+                               .original_vertex_count = n + 1,
+                               .collapse_count = n - 1};
+    float(*positions)[3] = NULL;
+    uint32_t(*faces)[3] = NULL;
+    hw_progressive_collapse *collapses = NULL;
+    hw_progressive *p = NULL;
+    hw_position_grid grid = hw_position_grid_make(hw_box_empty(), 0);
+    must(HW_NEW(&positions, n + 1));
+    must(HW_NEW(&faces, n));
+    must(HW_NEW(&collapses, n));
+    for (uint32_t i = 0; i + 1 < n; i++) {
+        faces[i][0] = UINT32_MAX;
+        collapses[i] = (hw_progressive_collapse){.kept = 0,
+                                                 .removed = i + 1,
+                                                 .faces = {i, UINT32_MAX},
+                                                 .face_corners = {{0, i + 1, i + 2}}};
+        collapses[i].removed_before[0] = 1;
+    }
+    s.positions = (const float(*)[3])positions;
+    s.faces = (const uint32_t(*)[3])faces;
+    s.collapses = collapses;
+    must(hw_progressive_create(&p, &grid, &s, true));
+    hw_status status = hw_progressive_write(p, UINT32_MAX, "wheel.hxp", 1);
+    if (status == HW_OK) {
+        hw_progressive *q = NULL;
+        must(hw_progressive_read(&q, "wheel.hxp"));
+        assert_true(state_hash(p) == state_hash(q));
+        hw_progressive_destroy(q);
+    }
+    hw_progressive_destroy(p);
+    hw_free(positions);
+    hw_free(faces);
+    hw_free(collapses);
+    return status;
+}
+
+static void test_hubs(void **state)
+{
+    (void)state;
+    assert_int_equal(write_wheel(3000), HW_OK);
+    assert_int_equal(write_wheel(7000), HW_LIMIT);
+    assert_non_null(strstr(hw_error_text(), "wheel.hxp"));
 }
 
 // --- Damage --------------------------------------------------------------------------------------
@@ -358,6 +445,8 @@ int main(void)
         cmocka_unit_test(test_round_trip),
         cmocka_unit_test(test_any_order_after_reading),
         cmocka_unit_test(test_prefixes_and_bytes),
+        cmocka_unit_test(test_every_kind),
+        cmocka_unit_test(test_hubs),
         cmocka_unit_test(test_damage),
         cmocka_unit_test(test_torture),
         cmocka_unit_test(test_wrong_files),
