@@ -121,8 +121,10 @@ hw_status hw_chain_make(const hw_mesh *mesh, const hw_chain_options *options, hw
     HW_GO(hw_mesh_weld_positions(mesh, &m.welded));
     HW_GO(hw_mesh_compute_normals(&m.welded));
     HW_GO(HW_NEW(&m.importance, m.welded.vertex_count));
-    const hw_importance_options importance = {IMPORTANCE_LINES, m.options.importance_floor,
-                                              HW_IMPORTANCE_WALKER_DEGREES, m.options.threads};
+    const hw_importance_options importance = {.lines = IMPORTANCE_LINES,
+                                              .floor = m.options.importance_floor,
+                                              .elevation_degrees = HW_IMPORTANCE_WALKER_DEGREES,
+                                              .threads = m.options.threads};
     HW_GO(hw_silhouette_importance(&m.welded, m.rays, &importance, m.importance));
     HW_GO(collapse_levels(&m));
     HW_GO(hw_parallel_for(out->level_count - 1, m.options.threads, finish_level, &m, NULL));

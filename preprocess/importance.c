@@ -10,7 +10,7 @@ typedef struct importance_job {
     const hw_rays *rays;
     uint32_t lines;
     double limit; // sine of the elevation
-    float floor, offset;
+    float floor, power, offset;
     float *out;
 } importance_job;
 
@@ -46,7 +46,7 @@ static hw_status importance_block(void *context, uint64_t index, uint32_t thread
     if (last > job->mesh->vertex_count)
         last = job->mesh->vertex_count;
     for (uint64_t i = first; i < last; i++)
-        job->out[i] = fmaxf(job->floor, free_fraction(job, (uint32_t)i));
+        job->out[i] = fmaxf(job->floor, powf(free_fraction(job, (uint32_t)i), job->power));
     return HW_OK;
 }
 
@@ -61,6 +61,7 @@ hw_status hw_silhouette_importance(const hw_mesh *mesh, const hw_rays *rays,
                           options->lines ? options->lines : DEFAULT_LINES,
                           sin(options->elevation_degrees * HW_PI / 180),
                           options->floor,
+                          options->power > 0 ? options->power : 1,
                           OFFSET * hw_box_diagonal(hw_mesh_bounds(mesh)),
                           out};
     uint64_t blocks = (mesh->vertex_count + (uint64_t)BLOCK - 1) / BLOCK;

@@ -17,7 +17,7 @@
 static struct {
     const char *output, *metric, *placement, *hierarchy, *progressive, *levels, *eye, *precision,
         *json;
-    uint64_t faces, vertices, bytes, threads;
+    uint64_t faces, vertices, bytes, fit, threads;
     double ratio, error, kappa, kappa_decay, fov, height;
     bool keep_order;
 } options = {.metric = "quadric",
@@ -122,10 +122,10 @@ static hw_status check_limits(const hw_mesh *mesh)
     uint64_t faces = mesh->index_count / 3;
     if (options.faces > faces)
         hw_log_warning("--faces %llu: the mesh has only %llu and stays as it is",
-                    (unsigned long long)options.faces, (unsigned long long)faces);
+                       (unsigned long long)options.faces, (unsigned long long)faces);
     if (options.vertices > mesh->vertex_count)
         hw_log_warning("--vertices %llu: the mesh has only %u and stays as it is",
-                    (unsigned long long)options.vertices, mesh->vertex_count);
+                       (unsigned long long)options.vertices, mesh->vertex_count);
     if (!(options.faces || options.ratio > 0 || options.vertices || options.error > 0 ||
           options.progressive || options.levels))
         return hw_fail(HW_USAGE, "how far? --faces, --ratio, --vertices or --error is needed");
@@ -164,9 +164,9 @@ static hw_status plan(const hw_mesh *mesh, hw_simplify_options *out, hw_position
     out->focal_px = options.height / 2 / tan(options.fov * HW_PI / 360);
     out->kappa = options.kappa;
     out->kappa_decay = options.kappa_decay;
+    out->fit_rounds = clamp_u32(options.fit);
     out->threads = clamp_u32(options.threads);
-    out->faces = options.ratio > 0 ? share_of(mesh->index_count / 3)
-                                   : clamp_u32(options.faces);
+    out->faces = options.ratio > 0 ? share_of(mesh->index_count / 3) : clamp_u32(options.faces);
     out->vertices = clamp_u32(options.vertices);
     out->error = options.error;
     out->batched = strcmp(options.hierarchy, "batched") == 0;
@@ -295,6 +295,7 @@ static hw_status write_report(const hw_simplified *s, uint64_t bytes)
     hw_json_add_number(json, "border_edges", f->border_edges);
     hw_json_add_number(json, "batches", f->batches);
     hw_json_add_number(json, "seconds", f->seconds);
+    hw_json_add_number(json, "fit_seconds", f->fit_seconds);
     hw_json_add_number(json, "rss_bytes_peak", (double)hw_rss_peak_bytes());
     if (options.progressive)
         hw_json_add_number(json, "progressive_bytes", (double)bytes);
@@ -380,6 +381,9 @@ static uint32_t fill_options(hw_option *out, uint32_t capacity)
          "Stop at N vertices."},
         {"error", 0, HW_OPTION_DOUBLE, &options.error, "E", NULL, 0, 1e30,
          "Stop when every collapse would cost more than E, in the unit of the (last) metric."},
+        {"fit", 0, HW_OPTION_UINT, &options.fit, "ROUNDS", NULL, 0, 100,
+         "Afterwards fit the vertices to the original by least squares, volume kept; 1 or 2 rounds "
+         "do."},
         {"hierarchy", 0, HW_OPTION_CHOICE, &options.hierarchy, "KIND", "linear|batched", 0, 0,
          "One order, or batches of independent collapses."},
         {"levels", 0, HW_OPTION_STRING, &options.levels, "DIR", NULL, 0, 0,

@@ -30,9 +30,12 @@ typedef struct hw_domain {
     double constraint[4]; // of the metric: a plane
 } hw_domain;
 
+// One number for each candidate, computed with together (vectors of GCC and Clang).
+typedef double hw_lanes __attribute__((vector_size(8 * HW_CANDIDATES)));
+
 // Places for the merged vertex, lane by lane; unused lanes repeat the first.
 typedef struct hw_candidates {
-    double x[HW_CANDIDATES], y[HW_CANDIDATES], z[HW_CANDIDATES];
+    hw_lanes x, y, z;
     int8_t end[HW_CANDIDATES]; // 0: at a, 1: at b, -1: neither
     uint32_t count;
 } hw_candidates;

@@ -51,7 +51,7 @@ typedef struct hw_metric_setup {
     hw_vec3 eye;              // of `viewcell` and `screen`: where the mesh is seen from ...
     double focal_px;          // ... and pixels per unit at distance 1
     double elevation_degrees; // of `silhouette`: how steep a line of sight may be; 0 = 90
-    float importance_floor;   // of `silhouette`; 0 = 0.05
+    float importance_floor;   // of `silhouette`; 0 = 0.01
     uint32_t threads;         // 0 = default
 } hw_metric_setup;
 

@@ -1,31 +1,36 @@
-// Unsigned volume, normal deviation, and their product (GeMS 4.4). All places are tried lane by
-// lane: the loops over HW_CANDIDATES become vector instructions.
+// Unsigned volume, normal deviation, and their product (GeMS 4.4), of all places at once.
 #include "metrics.h"
 #include <math.h>
 
-// The volume between the old faces and the place: sum of |n . x + d| / 6.
-static inline void add_volume(const hw_domain_face *f, const hw_candidates *c,
-                              double sum[HW_CANDIDATES])
+typedef long long mask __attribute__((vector_size(8 * HW_CANDIDATES)));
+
+static inline hw_lanes absolute(hw_lanes v)
 {
-    for (uint32_t i = 0; i < HW_CANDIDATES; i++)
-        sum[i] += fabs(f->n[0] * c->x[i] + f->n[1] * c->y[i] + f->n[2] * c->z[i] + f->d);
+    return (hw_lanes)((mask)v & 0x7fffffffffffffffll);
 }
 
-// Lowers least[] to cos |cos| of the angle that the face turns by: the square, with its sign, needs
-// no root and orders as the cosine does.
-static inline void lower_cosine(const hw_domain_face *f, const hw_candidates *c,
-                                double least[HW_CANDIDATES])
+static inline hw_lanes least_of(hw_lanes a, hw_lanes b)
+{
+    mask less = a < b;
+    return (hw_lanes)((less & (mask)a) | (~less & (mask)b));
+}
+
+// Six times the volume between the old face and the place: |n . x + d|.
+static inline hw_lanes volume(const hw_domain_face *f, const hw_candidates *c)
+{
+    return absolute(f->n[0] * c->x + f->n[1] * c->y + f->n[2] * c->z + f->d);
+}
+
+// cos |cos| of the angle that the face turns by: the square, with its sign, needs no root and
+// orders as the cosine does.
+static inline hw_lanes signed_square(const hw_domain_face *f, const hw_candidates *c)
 {
     double n2 = f->n[0] * f->n[0] + f->n[1] * f->n[1] + f->n[2] * f->n[2];
-    for (uint32_t i = 0; i < HW_CANDIDATES; i++) {
-        double mx = f->m[0] + c->y[i] * f->e[2] - c->z[i] * f->e[1];
-        double my = f->m[1] + c->z[i] * f->e[0] - c->x[i] * f->e[2];
-        double mz = f->m[2] + c->x[i] * f->e[1] - c->y[i] * f->e[0];
-        double along = f->n[0] * mx + f->n[1] * my + f->n[2] * mz;
-        double m2 = mx * mx + my * my + mz * mz;
-        double square = along * fabs(along) / (n2 * m2 + 1e-300);
-        least[i] = square < least[i] ? square : least[i];
-    }
+    hw_lanes mx = f->m[0] + c->y * f->e[2] - c->z * f->e[1];
+    hw_lanes my = f->m[1] + c->z * f->e[0] - c->x * f->e[2];
+    hw_lanes mz = f->m[2] + c->x * f->e[1] - c->y * f->e[0];
+    hw_lanes along = f->n[0] * mx + f->n[1] * my + f->n[2] * mz;
+    return along * absolute(along) / (n2 * (mx * mx + my * my + mz * mz) + 1e-300);
 }
 
 static inline double one_minus_cosine(double square)
@@ -33,36 +38,36 @@ static inline double one_minus_cosine(double square)
     return 1 - (square < 0 ? -sqrt(-square) : sqrt(square));
 }
 
-static void uvol(void *context, const hw_domain *r, const hw_candidates *c,
+static void uvol(void *context, const hw_domain *domain, const hw_candidates *c,
                  double out[HW_CANDIDATES])
 {
     (void)context;
-    double sum[HW_CANDIDATES] = {0};
-    for (uint32_t i = 0; i < r->walls; i++)
-        add_volume(&r->faces[i], c, sum);
+    hw_lanes sum = {0};
+    for (uint32_t i = 0; i < domain->walls; i++)
+        sum += volume(&domain->faces[i], c);
     for (uint32_t i = 0; i < HW_CANDIDATES; i++)
         out[i] = sum[i] / 6;
 }
 
-static void norm(void *context, const hw_domain *r, const hw_candidates *c,
+static void norm(void *context, const hw_domain *domain, const hw_candidates *c,
                  double out[HW_CANDIDATES])
 {
     (void)context;
-    double least[HW_CANDIDATES] = {1, 1, 1, 1};
-    for (uint32_t i = 0; i < r->walls; i++)
-        lower_cosine(&r->faces[i], c, least);
+    hw_lanes least = {1, 1, 1, 1};
+    for (uint32_t i = 0; i < domain->walls; i++)
+        least = least_of(least, signed_square(&domain->faces[i], c));
     for (uint32_t i = 0; i < HW_CANDIDATES; i++)
         out[i] = one_minus_cosine(least[i]);
 }
 
-static void hybrid(void *context, const hw_domain *r, const hw_candidates *c,
+static void hybrid(void *context, const hw_domain *domain, const hw_candidates *c,
                    double out[HW_CANDIDATES])
 {
     (void)context;
-    double sum[HW_CANDIDATES] = {0}, least[HW_CANDIDATES] = {1, 1, 1, 1};
-    for (uint32_t i = 0; i < r->walls; i++) {
-        add_volume(&r->faces[i], c, sum);
-        lower_cosine(&r->faces[i], c, least);
+    hw_lanes sum = {0}, least = {1, 1, 1, 1};
+    for (uint32_t i = 0; i < domain->walls; i++) {
+        sum += volume(&domain->faces[i], c);
+        least = least_of(least, signed_square(&domain->faces[i], c));
     }
     for (uint32_t i = 0; i < HW_CANDIDATES; i++)
         out[i] = sum[i] / 6 * one_minus_cosine(least[i]);

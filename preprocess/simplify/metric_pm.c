@@ -20,32 +20,41 @@ static void add_spring(hw_quadric *q, const double v[3], double kappa)
     q->c += kappa * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
 }
 
-// Whether an earlier face of the region has the base point, or this one as its q.
-static bool seen(const hw_domain *r, uint32_t face, bool second, uint32_t v)
+// Whether an earlier face of the domain has the base point.
+static bool seen(const hw_domain *domain, uint32_t face, uint32_t v)
 {
     for (uint32_t i = 0; i < face; i++)
-        if (r->faces[i].q == v || r->faces[i].r == v)
+        if (domain->faces[i].q == v || domain->faces[i].r == v)
             return true;
-    return second && r->faces[face].q == v;
+    return false;
 }
 
-static void prepare(void *context, hw_domain *r)
+static void add_base_point(hw_domain *domain, uint32_t v, double kappa)
+{
+    const double *p = domain->mesh->positions[v], *o = domain->origin;
+    const double x[3] = {p[0] - o[0], p[1] - o[1], p[2] - o[2]};
+    add_spring(&domain->scratch, x, kappa);
+}
+
+static void prepare(void *context, hw_domain *domain)
 {
     const springs *s = context;
-    r->scratch = (hw_quadric){0};
-    for (uint32_t i = 0; i < r->walls; i++) {
-        const hw_domain_face *f = &r->faces[i];
+    // In the midst of the surface the rim is a cycle: every base point is the q of one face.
+    const hw_collapser *c = domain->mesh;
+    bool cycle = !c->border[domain->a] && !c->border[domain->b] && !c->locked[domain->a] &&
+                 !c->locked[domain->b];
+    domain->scratch = (hw_quadric){0};
+    for (uint32_t i = 0; i < domain->walls; i++) {
+        const hw_domain_face *f = &domain->faces[i];
         double size2 = f->n[0] * f->n[0] + f->n[1] * f->n[1] + f->n[2] * f->n[2];
         if (size2 > 0)
-            hw_quadric_add_plane(&r->scratch, f->n, f->d, 1 / size2, 1);
-        for (int k = 0; k < 2 && i < r->kept; k++) {
-            uint32_t v = k ? f->r : f->q;
-            if (seen(r, i, k == 1, v))
-                continue;
-            const double *p = r->mesh->positions[v];
-            const double x[3] = {p[0] - r->origin[0], p[1] - r->origin[1], p[2] - r->origin[2]};
-            add_spring(&r->scratch, x, s->kappa);
-        }
+            hw_quadric_add_plane(&domain->scratch, f->n, f->d, 1 / size2, 1);
+        if (i >= domain->kept)
+            continue;
+        if (cycle || !seen(domain, i, f->q))
+            add_base_point(domain, f->q, s->kappa);
+        if (!cycle && !seen(domain, i, f->r))
+            add_base_point(domain, f->r, s->kappa);
     }
 }
 

@@ -1,5 +1,6 @@
 #include "simplify.h"
 #include "alloc.h"
+#include "fit.h"
 #include "pull_back.h"
 #include "rays.h"
 #include "recorder.h"
@@ -190,20 +191,22 @@ static hw_status prepare(run *r)
     return HW_OK;
 }
 
-// Normals of its own, what the metric still does for it, colours.
+// What the metric still does for the mesh, fitting, colours, normals of its own.
 static hw_status finish_mesh(run *r)
 {
     hw_status status;
     hw_rays *rays = NULL;
     hw_mesh *mesh = &r->out->mesh;
+    const hw_fit_options fit = {.rounds = r->options->fit_rounds, .threads = r->options->threads};
     HW_GO(hw_collapser_to_mesh(r->collapser, mesh));
-    if (mesh->index_count > 0) {
-        if (r->metric.finish)
-            HW_GO(r->metric.finish(r->metric.context, mesh));
-        if (r->original->colors) {
-            HW_GO(hw_rays_create_mesh(&rays, r->original));
-            HW_GO(hw_pull_back(mesh, r->original, rays, 0, r->options->threads));
-        }
+    if (mesh->index_count > 0 && r->metric.finish)
+        HW_GO(r->metric.finish(r->metric.context, mesh));
+    if (mesh->index_count > 0 && (fit.rounds > 0 || r->original->colors)) {
+        HW_GO(hw_rays_create_mesh(&rays, r->original));
+        double start = hw_thread_seconds();
+        HW_GO(hw_fit(mesh, rays, &fit));
+        r->out->facts.fit_seconds = hw_thread_seconds() - start;
+        HW_GO(hw_pull_back(mesh, r->original, rays, 0, r->options->threads));
     }
     HW_GO(hw_mesh_compute_normals(mesh));
     if (r->original->name)

@@ -26,6 +26,8 @@ typedef struct hw_simplify_options {
     // Where to stop, whichever comes first. Zeros mean no limit.
     uint32_t faces, vertices;
     double error; // of a collapse, in the unit of the last stage's metric
+    // Rounds of fitting the result to the original (fit.h); the progressive mesh stays as it is.
+    uint32_t fit_rounds;
     // Batches of independent collapses instead of one order.
     bool batched;
     // The progressive mesh, if wanted: the grid its positions lie on (NULL: none is recorded).
@@ -43,7 +45,7 @@ typedef struct hw_simplify_facts {
     uint32_t complex_edges;  // that could not be split: their ends stayed
     uint32_t border_edges;   // of the original
     uint32_t batches;        // 0: one order
-    double seconds;          // of this thread, for the collapses alone
+    double seconds, fit_seconds; // of this thread, for the collapses and for fitting
 } hw_simplify_facts;
 
 typedef struct hw_simplified {

@@ -7,7 +7,8 @@ static void measure(const hw_mesh *mesh, uint32_t samples, float floor, uint32_t
 {
     hw_rays *rays = NULL;
     assert_int_equal(hw_rays_create_mesh(&rays, mesh), HW_OK);
-    const hw_importance_options options = {samples, floor, HW_IMPORTANCE_WALKER_DEGREES, threads};
+    const hw_importance_options options = {samples, floor, 1, HW_IMPORTANCE_WALKER_DEGREES,
+                                           threads};
     assert_int_equal(hw_silhouette_importance(mesh, rays, &options, out), HW_OK);
     hw_rays_destroy(rays);
 }
@@ -91,7 +92,7 @@ static void test_threads_and_usage(void **state)
     hw_rays *rays = NULL;
     assert_int_equal(hw_rays_create_mesh(&rays, &mesh), HW_OK);
     mesh.normals[5] = hw_v3(0, 0, 0);
-    hw_importance_options options = {8, 0.25f, HW_IMPORTANCE_WALKER_DEGREES, 1};
+    hw_importance_options options = {8, 0.25f, 1, HW_IMPORTANCE_WALKER_DEGREES, 1};
     assert_int_equal(hw_silhouette_importance(&mesh, rays, &options, one), HW_OK);
     assert_float_equal(one[5], 0.25f, 0);
     hw_free(mesh.normals);

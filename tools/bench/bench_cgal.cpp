@@ -1,5 +1,5 @@
 // The thin shim round CGAL's Surface_mesh_simplification.
-#include "cgal.h"
+#include "bench_cgal.h"
 #include <CGAL/Polygon_mesh_processing/orient_polygon_soup.h>
 #include <CGAL/Polygon_mesh_processing/polygon_soup_to_polygon_mesh.h>
 #include <CGAL/Polygon_mesh_processing/repair.h>
