@@ -110,6 +110,8 @@ static bool collapse_valid(const hw_collapser *c, const hw_collapse *collapse)
         return false;
     if (whole_component(c, kept, removed, shared)) // a closed speck may vanish, not the whole mesh
         return !c->keep_components && c->live_faces > 4;
+    if (shared == 1 && hw_collapser_degree(c, kept) == 1 && hw_collapser_degree(c, removed) == 1)
+        return !c->keep_components && c->live_faces > 1; // a lone triangle, alike
     return faces_stay(c, kept, removed, collapse->position) &&
            faces_stay(c, removed, kept, collapse->position);
 }

@@ -90,7 +90,8 @@ void hw_metric_evaluate(const hw_metric *m, const hw_collapser *collapser, uint3
     out->removed = b;
     if (collapser->locked[a] && collapser->locked[b])
         return;
-    if (m->edge_only && m->placement != HW_PLACEMENT_OPTIMAL)
+    bool own_place = m->optimum || m->placement != HW_PLACEMENT_OPTIMAL;
+    if (m->edge_only && own_place)
         hw_domain_edge(collapser, a, b, &r);
     else if (!hw_domain_gather(collapser, a, b, &r))
         return;

@@ -18,7 +18,7 @@ struct hw_metric {
     const char *name;
     void *context;
     hw_placement placement;
-    bool edge_only; // looks at the edge alone: the region comes without faces
+    bool edge_only; // looks at the ends alone: the domain may come without faces
     // What `error` and `optimum` both need, into domain->scratch; may be NULL.
     void (*prepare)(void *context, hw_domain *domain);
     // The cost of moving the merged vertex to each of candidates->count places; INFINITY forbids.

@@ -80,6 +80,7 @@ hw_status hw_metric_qem(const hw_collapser *c, hw_metric *out)
     *out = (hw_metric){.name = "qem",
                        .context = m,
                        .placement = HW_PLACEMENT_OPTIMAL,
+                       .edge_only = true,
                        .prepare = prepare,
                        .error = error,
                        .optimum = optimum,
