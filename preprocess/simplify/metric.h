@@ -39,6 +39,12 @@ struct hw_metric {
 void hw_metric_evaluate(const hw_metric *metric, const hw_collapser *collapser, uint32_t a,
                         uint32_t b, hw_collapse *out);
 
+// For metrics whose `prepare` leaves a quadric in domain->scratch: its value at the places (plus a
+// billionth of length2 * weight, so that among equals the shorter edge goes first), its minimum.
+void hw_scratch_error(void *context, const hw_domain *domain, const hw_candidates *candidates,
+                      double error[HW_CANDIDATES]);
+bool hw_scratch_optimum(void *context, const hw_domain *domain, double x[3]);
+
 // ---- metrics by name -------------------------------------------------------------------------
 
 #define HW_PM_KAPPA 1e-3

@@ -66,13 +66,6 @@ static void error(void *context, const hw_domain *r, const hw_candidates *c,
         out[i] = hw_quadric_at(&r->scratch, c->x[i], c->y[i], c->z[i]);
 }
 
-static bool optimum(void *context, const hw_domain *r, double x[3])
-{
-    (void)context;
-    const double middle[3] = {r->ends[1][0] / 2, r->ends[1][1] / 2, r->ends[1][2] / 2};
-    return hw_quadric_minimise(&r->scratch, middle, x);
-}
-
 hw_status hw_metric_pm(double kappa, hw_metric *out)
 {
     springs *s = NULL;
@@ -84,7 +77,7 @@ hw_status hw_metric_pm(double kappa, hw_metric *out)
                        .placement = HW_PLACEMENT_SUBSET,
                        .prepare = prepare,
                        .error = error,
-                       .optimum = optimum,
+                       .optimum = hw_scratch_optimum,
                        .destroy = hw_free};
     return HW_OK;
 }
