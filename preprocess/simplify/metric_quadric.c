@@ -6,7 +6,7 @@ static void prepare(void *context, hw_domain *domain)
 {
     const float *importance = context;
     if (!importance) {
-        hw_domain_quadric(r, &domain->scratch);
+        hw_domain_quadric(domain, &domain->scratch);
         return;
     }
     domain->scratch = (hw_quadric){0};
