@@ -16,8 +16,9 @@
 #include <stdint.h>
 
 typedef struct hw_queue_entry {
-    float cost;
-    uint32_t a, b;                // a < b
+    uint32_t a;
+    float cost;                   // not negative
+    uint32_t b;                   // above a
     uint16_t generation, touched; // sums over both ends when evaluated, modulo 2^16
 } hw_queue_entry;
 

@@ -29,13 +29,6 @@ static bool seen(const hw_domain *domain, uint32_t face, uint32_t v)
     return false;
 }
 
-static void add_base_point(hw_domain *domain, uint32_t v, double kappa)
-{
-    const double *p = domain->mesh->positions[v], *o = domain->origin;
-    const double x[3] = {p[0] - o[0], p[1] - o[1], p[2] - o[2]};
-    add_spring(&domain->scratch, x, kappa);
-}
-
 static void prepare(void *context, hw_domain *domain)
 {
     const springs *s = context;
@@ -52,9 +45,9 @@ static void prepare(void *context, hw_domain *domain)
         if (i >= domain->kept)
             continue;
         if (cycle || !seen(domain, i, f->q))
-            add_base_point(domain, f->q, s->kappa);
+            add_spring(&domain->scratch, f->at_q, s->kappa);
         if (!cycle && !seen(domain, i, f->r))
-            add_base_point(domain, f->r, s->kappa);
+            add_spring(&domain->scratch, f->at_r, s->kappa);
     }
 }
 

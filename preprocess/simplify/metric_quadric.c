@@ -1,6 +1,7 @@
 // Memoryless quadrics (GeMS 4.2): the quadric of an edge is made anew from the faces round it, each
 // once, by area. With silhouette importance they are the metric `silhouette` (metric_silhouette.c).
 #include "metric.h"
+#include <math.h>
 
 static void prepare(void *context, hw_domain *domain)
 {
@@ -9,15 +10,15 @@ static void prepare(void *context, hw_domain *domain)
         hw_domain_quadric(domain, &domain->scratch);
         return;
     }
-    domain->scratch = (hw_quadric){0};
+    hw_quadric q = {0};
     for (uint32_t i = 0; i < domain->count; i++) {
         const hw_domain_face *f = &domain->faces[i];
-        double size = __builtin_sqrt(f->n[0] * f->n[0] + f->n[1] * f->n[1] + f->n[2] * f->n[2]);
-        double weight = ((double)importance[f->p] + importance[f->q] + importance[f->r]) / 3;
+        double size = sqrt(f->n[0] * f->n[0] + f->n[1] * f->n[1] + f->n[2] * f->n[2]);
+        double weight = ((double)importance[f->p] + importance[f->q] + importance[f->r]) / 3 * 0.5;
         if (size > 0)
-            hw_quadric_add_plane(&domain->scratch, f->n, f->d, weight * 0.5 / size,
-                                 weight * 0.5 * size);
+            hw_quadric_add_plane(&q, f->n, f->d, weight / size, weight * size);
     }
+    domain->scratch = q;
 }
 
 static void merge_importance(void *context, uint32_t kept, uint32_t removed)

@@ -2,24 +2,25 @@
 // encloses, and among the places that do so it sweeps the least: the sum over the faces of the
 // squared volume between face and vertex. That weights planes by the square of their area.
 #include "metrics.h"
+#include <string.h>
 
 static void prepare(void *context, hw_domain *domain)
 {
     (void)context;
-    double *g = domain->constraint;
-    domain->scratch = (hw_quadric){0};
-    g[0] = g[1] = g[2] = g[3] = 0;
+    hw_quadric q = {0};
+    double g[4] = {0, 0, 0, 0};
     for (uint32_t i = 0; i < domain->count; i++) {
         const hw_domain_face *f = &domain->faces[i];
-        bool wall = f->q == f->r;
         double size2 = f->n[0] * f->n[0] + f->n[1] * f->n[1] + f->n[2] * f->n[2];
-        hw_quadric_add_plane(&domain->scratch, f->n, f->d, 1, size2);
-        if (wall)
+        hw_quadric_add_plane(&q, f->n, f->d, 1, size2);
+        if (f->q == f->r) // a wall encloses nothing
             continue;
         for (int k = 0; k < 3; k++)
             g[k] += f->n[k];
         g[3] += f->d;
     }
+    domain->scratch = q;
+    memcpy(domain->constraint, g, sizeof g);
 }
 
 static bool optimum(void *context, const hw_domain *domain, double x[3])

@@ -920,10 +920,10 @@ static void assert_closed_sphere(const hw_collapser *c)
             uint32_t a = c->faces[f][k], b = c->faces[f][(k + 1) % 3], forward = 0, back = 0;
             assert_int_not_equal(a, b);
             for (uint32_t j = c->first_corner[a]; j != HW_NO_VERTEX; j = hw_next_corner(c, j)) {
-                const uint32_t *t = c->faces[j / 3];
-                assert_int_equal(t[j % 3], a);
-                forward += t[(j + 1) % 3] == b;
-                back += t[(j + 2) % 3] == b;
+                const uint32_t *t = c->faces[j / 4];
+                assert_int_equal(t[j % 4], a);
+                forward += t[hw_next_place[j % 4]] == b;
+                back += t[hw_last_place[j % 4]] == b;
             }
             assert_true(forward == 1 && back == 1);
             half_edges++;
