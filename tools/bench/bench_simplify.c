@@ -106,7 +106,8 @@ out:
 static const method methods[] = {
     {"quadric", run_ours, "quadric", 0},
     {"volume", run_ours, "volume", 0},
-    {"volume, fitted", run_ours, "volume", 1},
+    {"volume, fitted once", run_ours, "volume", 1},
+    {"volume, fitted twice", run_ours, "volume", 2},
     {"silhouette", run_ours, "silhouette", 0},
     {"qem", run_ours, "qem", 0},
     {"meshoptimizer", run_meshoptimizer, NULL, 0},
