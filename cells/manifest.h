@@ -5,7 +5,7 @@
 #include "scene.h"
 #include "status.h"
 
-#define HW_MANIFEST_VERSION 1
+#define HW_MANIFEST_VERSION 2
 
 typedef struct hw_manifest_object {
     uint32_t mesh_idx;

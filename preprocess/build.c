@@ -3,6 +3,7 @@
 #include "build_cell.h"
 #include "file.h"
 #include "hash.h"
+#include "hierarchy.h"
 #include "image_io.h"
 #include "import.h"
 #include "log.h"
@@ -28,6 +29,8 @@ typedef struct build {
     hw_rays *rays;
     hw_capturer *capturer;
     hw_hexgrid grid;
+    hw_cell_id *cells; // of all levels, as in the manifest
+    uint32_t cell_count;
     uint64_t scene_hash, key;
     int32_t *texture_of_material, texture_count;
     hw_progress *progress;
@@ -39,6 +42,7 @@ hw_build_options hw_build_defaults(void)
 {
     return (hw_build_options){
         .cell_size = 50,
+        .levels = 1,
         .z_min = 8,
         .z_max = 16,
         .near_error_px = 0.3,
@@ -66,6 +70,7 @@ static uint64_t make_key(const build *b)
     const hw_build_options *o = b->options;
     const double numbers[] = {HW_BUILD_VERSION,
                               o->cell_size,
+                              o->levels,
                               o->z_min,
                               o->z_max,
                               o->near_error_px,
@@ -92,8 +97,11 @@ static hw_hexgrid make_grid(const build *b)
     double least = GRID_SIDE_MIN * o->cell_size;
     double grow_x = fmax(0, (least - (box.max.x - box.min.x)) / 2),
            grow_y = fmax(0, (least - (box.max.y - box.min.y)) / 2);
-    return hw_hexgrid_cover(box.min.x - grow_x, box.min.y - grow_y, box.max.x + grow_x,
-                            box.max.y + grow_y, o->cell_size, ground + o->z_min, ground + o->z_max);
+    hw_hexgrid grid =
+        hw_hexgrid_cover(box.min.x - grow_x, box.min.y - grow_y, box.max.x + grow_x,
+                         box.max.y + grow_y, o->cell_size, ground + o->z_min, ground + o->z_max);
+    grid.levels = o->levels;
+    return grid;
 }
 
 static hw_status load_scene(build *b)
@@ -108,6 +116,7 @@ static hw_status load_scene(build *b)
     b->scene_hash = hw_scene_hash(&b->scene);
     b->key = make_key(b);
     b->grid = make_grid(b);
+    HW_TRY(hw_hierarchy_cells(&b->grid, &b->cells, &b->cell_count));
     b->report->import_seconds = (hw_clock_ms() - start) / 1000;
     return HW_OK;
 }
@@ -241,8 +250,9 @@ static hw_status make_cell(void *context, uint64_t index, uint32_t thread)
     hw_status status = HW_OK;
     char *path = NULL;
     hw_cell cell = {0};
-    hw_cell_id id = hw_hexgrid_cell(&b->grid, (uint32_t)index);
-    if (!in_shard(b, (uint32_t)index))
+    uint32_t place = b->cell_count - 1 - (uint32_t)index; // groups first: they take longest
+    hw_cell_id id = b->cells[place];
+    if (!in_shard(b, place))
         return HW_OK;
     HW_GO(hw_cell_path(&path, b->options->dataset, id));
     if (hw_cell_is_current(path, b->key)) {
@@ -269,7 +279,7 @@ static hw_status make_cells(build *b)
 {
     hw_status status = HW_OK;
     double start = hw_clock_ms();
-    uint32_t count = hw_hexgrid_cell_count(&b->grid), mine = 0;
+    uint32_t count = b->cell_count, mine = 0;
     for (uint32_t i = 0; i < count; i++)
         mine += in_shard(b, i);
     HW_GO(hw_rays_create_scene(&b->rays, &b->scene));
@@ -341,10 +351,10 @@ static hw_status write_manifest(build *b, double start_ms)
     hw_status status = HW_OK;
     const hw_build_options *o = b->options;
     hw_manifest m = {0};
-    uint32_t count = hw_hexgrid_cell_count(&b->grid);
+    uint32_t count = b->cell_count;
     HW_GO(HW_NEW(&m.cells, count));
     for (uint32_t i = 0; i < count; i++)
-        if (!count_cell(b, hw_hexgrid_cell(&b->grid, i), &m.cells[i]))
+        if (!count_cell(b, b->cells[i], &m.cells[i]))
             b->report->cells_missing++;
     b->report->bytes += b->report->near_bytes;
     b->report->total_seconds = (hw_clock_ms() - start_ms) / 1000;
@@ -376,17 +386,26 @@ out:
 
 // ---- the whole -------------------------------------------------------------------------------
 
+static hw_status make_folder(const build *b, const char *name)
+{
+    char *path = NULL;
+    HW_TRY(hw_path_join(&path, b->options->dataset, name));
+    hw_status status = hw_dir_make(path);
+    if (status == HW_OK)
+        status = hw_dir_clean_temporary(path);
+    hw_free(path);
+    return status;
+}
+
 static hw_status make_folders(const build *b)
 {
-    static const char *const folders[] = {"", "cells", "cells/0", "meshes"};
-    for (size_t i = 0; i < sizeof folders / sizeof *folders; i++) {
-        char *path = NULL;
-        HW_TRY(hw_path_join(&path, b->options->dataset, folders[i]));
-        hw_status status = hw_dir_make(path);
-        if (status == HW_OK)
-            status = hw_dir_clean_temporary(path);
-        hw_free(path);
-        HW_TRY(status);
+    HW_TRY(make_folder(b, ""));
+    HW_TRY(make_folder(b, "cells"));
+    HW_TRY(make_folder(b, "meshes"));
+    for (int32_t l = 0; l < b->grid.levels; l++) {
+        char name[32];
+        snprintf(name, sizeof name, "cells/%d", l);
+        HW_TRY(make_folder(b, name));
     }
     return HW_OK;
 }
@@ -399,6 +418,7 @@ static void release(build *b)
         hw_chain_free(&b->chains[i]);
     hw_free(b->chains);
     hw_free(b->texture_of_material);
+    hw_free(b->cells);
     hw_scene_free(&b->scene);
 }
 

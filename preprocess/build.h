@@ -4,11 +4,12 @@
 #include <stdatomic.h>
 
 // Raise when the content of cells or meshes changes for the same input: it is part of every key.
-#define HW_BUILD_VERSION 1u
+#define HW_BUILD_VERSION 2u
 
 typedef struct hw_build_options {
     const char *scene_path, *dataset;
     double cell_size;
+    int32_t levels;      // of cells, 1 to HW_CELL_LEVELS_MAX
     double z_min, z_max; // heights above the ground at which eyes may be
     double near_error_px;
     hw_far_options far;

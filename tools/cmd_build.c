@@ -37,7 +37,9 @@ static uint32_t options(hw_option *out, uint32_t capacity)
          "surface error (99th percentile) of near objects"},
         {"texture-side", 0, HW_OPTION_UINT, &texture_side, "TEXELS", NULL, 16, 4096,
          "objects with larger captures are near"},
-        {"levels", 0, HW_OPTION_UINT, &levels, "N", NULL, 1, 1, "levels of the cell hierarchy"},
+        {"levels", 0, HW_OPTION_UINT, &levels, "N", NULL, 1, HW_CELL_LEVELS_MAX,
+         "levels of the cell hierarchy; each groups seven cells of the one below to draw what is "
+         "far away"},
         {"threads", 0, HW_OPTION_UINT, &threads, "N", NULL, 0, 1024,
          "threads; 0 means one per processor"},
         {"shard", 0, HW_OPTION_STRING, &shard, "K/N", NULL, 0, 0,
@@ -79,6 +81,7 @@ static hw_status read_options(const char *scene, hw_build_options *o)
         o->shard_count = (uint32_t)n;
     }
     o->cell_size = cell_size;
+    o->levels = (int32_t)levels;
     o->near_error_px = near_error;
     o->threads = (uint32_t)threads;
     o->far.policy = hw_policy_find(policy);
