@@ -284,10 +284,8 @@ static hw_status copy_item(void *context, uint64_t item, uint32_t thread)
     uint32_t shard;
     HW_GO(item_path(m, (uint32_t)item, NULL, &from, &shard));
     HW_GO(item_path(m, (uint32_t)item, m->dataset, &to, &shard));
-    bool was_there = hw_path_exists(to);
+    m->copied[item] = !hw_path_exists(to); // also when only the last step of writing fails
     HW_GO(copy_file(from, to));
-    if (!was_there)
-        m->copied[item] = true;
     hw_progress_add(m->progress, 1);
 out:
     hw_free(from);

@@ -140,7 +140,8 @@ static uint32_t thread_count(const build *b)
 // ---- chains and meshes -----------------------------------------------------------------------
 
 // About what making a chain needs at its peak, per triangle: measured, on the safe side.
-#define CHAIN_BYTES 1500u
+#define CHAIN_BYTES 700u
+#define MESH_BYTES  400u // likewise, writing a near mesh
 
 // Numbers from 0 by rising key; equal keys in the order of the numbers.
 typedef struct keyed {
@@ -239,8 +240,11 @@ static hw_status write_mesh(void *context, uint64_t mesh, uint32_t thread)
         infos[count++] = chain->infos[l];
     }
     HW_GO(hw_mesh_path(&path, b->options->dataset, mesh_idx));
+    uint64_t bytes = (uint64_t)chain->infos[0].index_count / 3 * MESH_BYTES;
+    HW_GO(hw_budget_reserve(b->budget, bytes));
     if (!mesh_file_is_current(path, b->key, count))
-        HW_GO(hw_mesh_file_write(path, b->key, levels, infos, count));
+        status = hw_mesh_file_write(path, b->key, levels, infos, count);
+    hw_budget_release(b->budget, bytes);
 out:
     hw_free(path);
     return status;

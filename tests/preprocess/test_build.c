@@ -9,10 +9,8 @@
 #include "import.h"
 #include "log.h"
 #include "manifest.h"
-#include "merge.h"
 #include "mesh_file.h"
 #include "shapes.h"
-#include "system.h"
 #include <dirent.h>
 #include <math.h>
 #include <setjmp.h>
@@ -176,163 +174,6 @@ static void threads_and_shards_change_no_byte(void **state)
     assert_same_datasets("build_a", "build_b");
 }
 
-// Makes all N shards, each with another number of threads, into folders of their own.
-static void build_shards(uint32_t n, char names[][32])
-{
-    for (uint32_t k = 0; k < n; k++) {
-        hw_build_report report;
-        snprintf(names[k], 32, "build_shard_%u", k);
-        remove_tree(names[k]);
-        hw_build_options o = options_for(names[k]);
-        o.threads = 1 + k;
-        o.shard_index = k;
-        o.shard_count = n;
-        build(&o, &report);
-        assert_int_equal(report.cells_made + report.cells_missing, report.cells_total);
-    }
-}
-
-static hw_status merge(char names[][32], uint32_t count, const char *dataset)
-{
-    const char *folders[8];
-    hw_merge_report report;
-    for (uint32_t i = 0; i < count; i++)
-        folders[i] = names[i];
-    return hw_merge_run(folders, count, dataset, 2, NULL, &report);
-}
-
-static void merged_shards_are_the_whole(void **state)
-{
-    (void)state;
-    char names[8][32];
-    for (uint32_t n = 1; n <= 3; n++) {
-        remove_tree("build_merged");
-        build_shards(n, names);
-        assert_int_equal(merge(names, n, "build_merged"), HW_OK);
-        assert_same_datasets("build_a", "build_merged");
-        // Finished is finished.
-        assert_int_equal(merge(names, n, "build_merged"), HW_USAGE);
-        assert_same_datasets("build_a", "build_merged");
-    }
-    // Two shards in one folder and one in another.
-    remove_tree("build_merged");
-    assert_int_equal(system("rm -rf build_pair && cp -r build_shard_0 build_pair && "
-                            "cp -r build_shard_1/. build_pair"),
-                     0);
-    snprintf(names[0], 32, "build_shard_2");
-    snprintf(names[1], 32, "build_pair");
-    assert_int_equal(merge(names, 2, "build_merged"), HW_OK);
-    assert_same_datasets("build_a", "build_merged");
-    // All shards in one folder leave nothing but the dataset.
-    remove_tree("build_merged");
-    for (uint32_t k = 0; k < 3; k++) {
-        hw_build_report report;
-        hw_build_options o = options_for("build_merged");
-        o.shard_index = (k + 1) % 3;
-        o.shard_count = 3;
-        build(&o, &report);
-        assert_int_equal(report.cells_missing == 0 && report.meshes_missing == 0, k == 2);
-    }
-    assert_same_datasets("build_a", "build_merged");
-}
-
-static void assert_merge_fails(char names[][32], uint32_t count, hw_status expected,
-                               const char *text)
-{
-    hw_status status = merge(names, count, "build_merged");
-    if (status != expected || !strstr(hw_error_text(), text))
-        fail_msg("%s: %s", hw_status_text(status), hw_error_text());
-    assert_false(hw_path_exists("build_merged")); // not even the folder
-}
-
-// With the shards of merged_shards_are_the_whole.
-static void shards_that_do_not_fit_are_refused(void **state)
-{
-    (void)state;
-    char names[8][32] = {"build_shard_0", "build_shard_1", "build_shard_2", "build_twice"};
-    char twice[2][32] = {"build_shard_0", "build_twice"};
-    hw_build_report report;
-    remove_tree("build_merged");
-    remove_tree("build_twice");
-    assert_merge_fails(names, 2, HW_NOT_FOUND, "shard 3 of 3 is missing");
-    assert_merge_fails(names, 4, HW_NOT_FOUND, "build_twice");
-    // The same shard twice.
-    assert_int_equal(system("cp -r build_shard_1 build_twice"), 0);
-    assert_merge_fails(names, 4, HW_FORMAT, "build_twice: holds shard 2 of 3, which build_shard_1");
-    // Of another number of shards; with other options; unfinished.
-    remove_tree("build_twice");
-    hw_build_options o = options_for("build_twice");
-    o.shard_index = 1;
-    o.shard_count = 2;
-    build(&o, &report);
-    assert_merge_fails(names, 4, HW_FORMAT, "build_twice: holds shard 2 of 2");
-    remove_tree("build_twice");
-    o.shard_index = 2;
-    o.shard_count = 3;
-    o.far.interior_px = 1;
-    build(&o, &report);
-    assert_merge_fails(twice, 2, HW_FORMAT, "build_twice: was made with other options");
-    assert_int_equal(system("rm build_twice/shard_3_of_3.json"), 0);
-    assert_merge_fails(twice, 2, HW_NOT_FOUND, "build_twice: holds no finished shard");
-    // A cell that is missing, another in its place, a damaged mesh.
-    assert_int_equal(system("set -- build_shard_1/cells/0/*; mv $1 saved.hxc"), 0);
-    assert_merge_fails(names, 3, HW_NOT_FOUND, "build_shard_1/cells/0/");
-    assert_int_equal(system("set -- build_shard_0/cells/0/*; mv $1 kept.hxc; cp $2 $1"), 0);
-    assert_merge_fails(names, 3, HW_FORMAT, "of another build or another cell");
-    assert_int_equal(system("set -- build_shard_0/cells/0/*; cp kept.hxc $1"), 0);
-    assert_merge_fails(names, 3, HW_NOT_FOUND, "build_shard_1/cells/0/");
-    remove_tree("build_shard_1");
-    assert_int_equal(system("cp -r build_pair build_shard_1 && rm build_shard_1/shard_1_of_3.json "
-                            "&& truncate -s 300 build_shard_0/meshes/0.hxm"),
-                     0);
-    assert_merge_fails(names, 3, HW_FORMAT, "build_shard_0/meshes/0.hxm");
-    assert_int_equal(system("cp build_a/meshes/0.hxm build_shard_0/meshes/0.hxm"), 0);
-}
-
-// Each file operation of a merge fails in turn: nothing is left, and then it works.
-static void failing_merges_leave_nothing(void **state)
-{
-    (void)state;
-    char names[8][32] = {"build_shard_0", "build_shard_1", "build_shard_2"};
-    uint32_t failures = 0;
-    for (uint64_t n = 1;; n += 1 + n / 4) {
-        remove_tree("build_merged");
-        hw_file_fail_after(n);
-        hw_status status = merge(names, 3, "build_merged");
-        hw_file_fail_after(0);
-        if (status == HW_OK)
-            break;
-        failures++;
-        assert_non_null(strstr(hw_error_text(), "build_"));
-        assert_false(hw_path_exists("build_merged/manifest.json"));
-        assert_false(hw_path_exists("build_merged/cells"));
-    }
-    assert_true(failures >= 5);
-    assert_same_datasets("build_a", "build_merged");
-}
-
-// However little memory there is: the same bytes, or an error that tells what is needed.
-static void bounds_of_memory_change_no_byte(void **state)
-{
-    (void)state;
-    static const uint64_t bounds[] = {UINT64_C(1) << 40, 0};
-    uint64_t need = 0;
-    for (size_t i = 0; i < sizeof bounds / sizeof *bounds; i++) {
-        hw_build_report report;
-        hw_build_options o = options_for("build_h");
-        remove_tree("build_h");
-        o.memory_bytes = bounds[i] ? bounds[i] : hw_rss_peak_bytes() + need + (8 << 20);
-        build(&o, &report);
-        assert_true(report.scratch_bytes > 0);
-        assert_same_datasets("build_a", "build_h");
-    }
-    hw_build_report report;
-    hw_build_options o = options_for("build_h");
-    o.memory_bytes = 1 << 20;
-    assert_int_equal(hw_build_run(&o, &report), HW_LIMIT);
-    assert_non_null(strstr(hw_error_text(), "2M of memory are not enough"));
-}
-
 static void unfinished_build_goes_on(void **state)
 {
     (void)state;
@@ -445,10 +286,6 @@ int main(void)
         cmocka_unit_test(objects_are_near_or_far_as_they_should),
         cmocka_unit_test(far_meshes_lie_on_their_objects),
         cmocka_unit_test(threads_and_shards_change_no_byte),
-        cmocka_unit_test(merged_shards_are_the_whole),
-        cmocka_unit_test(shards_that_do_not_fit_are_refused),
-        cmocka_unit_test(failing_merges_leave_nothing),
-        cmocka_unit_test(bounds_of_memory_change_no_byte),
         cmocka_unit_test(unfinished_build_goes_on),
         cmocka_unit_test(other_options_make_everything_anew),
         cmocka_unit_test(thesis_policy_builds),
