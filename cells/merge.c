@@ -138,8 +138,9 @@ static hw_status arrange(merge *m)
     }
     for (uint32_t i = 0; i < m->shard_count; i++)
         if (!m->shards[i])
-            return hw_fail(HW_NOT_FOUND, "shard %u of %u is missing: %s holds another, none of the "
-                                         "folders holds it",
+            return hw_fail(HW_NOT_FOUND,
+                           "shard %u of %u is missing: %s holds another, none of the "
+                           "folders holds it",
                            i + 1, m->shard_count, first->folder);
     HW_TRY(HW_NEW(&m->cells, m->cell_count));
     for (uint32_t i = 0; i < m->shard_count; i++)
@@ -203,9 +204,8 @@ static hw_status check_mesh(const char *path, uint64_t key)
 {
     hw_mesh_file *file = NULL;
     HW_TRY(hw_mesh_file_open(&file, path));
-    hw_status status = hw_mesh_file_key(file) == key
-                           ? HW_OK
-                           : hw_fail(HW_FORMAT, "%s: is of another build", path);
+    hw_status status =
+        hw_mesh_file_key(file) == key ? HW_OK : hw_fail(HW_FORMAT, "%s: is of another build", path);
     for (uint32_t l = 0; status == HW_OK && l < hw_mesh_file_level_count(file); l++) {
         hw_mesh level = {0};
         status = hw_mesh_file_read(file, l, &level);
@@ -318,8 +318,7 @@ static void undo(const merge *m, const bool made[FOLDERS_MADE])
     uint32_t shard, count = m->copied ? item_count(m) : 0;
     char *path = NULL;
     for (uint32_t i = 0; i < count; i++)
-        if (m->copied[i] &&
-            item_path(m, i, m->dataset, &path, &shard) == HW_OK) {
+        if (m->copied[i] && item_path(m, i, m->dataset, &path, &shard) == HW_OK) {
             unlink(path);
             hw_free(path);
         }

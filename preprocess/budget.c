@@ -17,8 +17,8 @@ struct hw_budget {
     hw_spill *spill;
     hw_rays *rays; // borrowed
     pthread_mutex_t mutex;
-    uint64_t reserved;  // guarded by mutex
-    hw_mesh **taken;    // guarded by mutex
+    uint64_t reserved; // guarded by mutex
+    hw_mesh **taken;   // guarded by mutex
     size_t taken_count, taken_capacity;
     uint32_t mesh_count;
     const hw_scene *scene;
@@ -163,8 +163,7 @@ hw_status hw_budget_take_chain(hw_budget *b, uint32_t mesh_idx, hw_chain *chain)
     original->uvs = shared->uvs;
     original->indices = shared->indices;
     if (chain->level_count > 1)
-        HW_TRY(take_meshes(b, chain->levels + 1, chain->level_count - 1,
-                           &b->regions[mesh_idx][1]));
+        HW_TRY(take_meshes(b, chain->levels + 1, chain->level_count - 1, &b->regions[mesh_idx][1]));
     return HW_OK;
 }
 

@@ -197,8 +197,8 @@ static hw_status make_chains(build *b)
     }
     HW_GO(order_by_key(keys, b->scene.mesh_count, &b->mesh_order));
     HW_GO(hw_progress_create(&b->progress, "levels of detail", total));
-    HW_GO(hw_parallel_for(b->scene.mesh_count, b->options->threads, make_chain, b,
-                          b->options->stop));
+    HW_GO(
+        hw_parallel_for(b->scene.mesh_count, b->options->threads, make_chain, b, b->options->stop));
     b->report->chain_seconds = (hw_clock_ms() - start) / 1000;
 out:
     hw_free(keys);
@@ -279,8 +279,8 @@ static hw_status write_meshes(build *b)
 {
     double start = hw_clock_ms();
     HW_TRY(HW_NEW(&b->texture_of_material, b->scene.material_count));
-    HW_TRY(hw_parallel_for(b->scene.mesh_count, b->options->threads, write_mesh, b,
-                           b->options->stop));
+    HW_TRY(
+        hw_parallel_for(b->scene.mesh_count, b->options->threads, write_mesh, b, b->options->stop));
     for (uint32_t i = 0; i < b->scene.material_count; i++)
         HW_TRY(write_texture(b, i));
     b->report->mesh_seconds = (hw_clock_ms() - start) / 1000;

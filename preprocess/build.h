@@ -15,8 +15,8 @@ typedef struct hw_build_options {
     hw_chain_options chain;
     uint32_t threads; // 0 = default
     uint32_t shard_index,
-        shard_count; // this run makes every shard_count-th cell and mesh; count 0 or 1 = all
-    uint64_t memory_bytes;   // bound of the resident memory; 0 = none
+        shard_count;       // this run makes every shard_count-th cell and mesh; count 0 or 1 = all
+    uint64_t memory_bytes; // bound of the resident memory; 0 = none
     const atomic_bool *stop; // becomes true to stop soon with HW_INTERRUPTED; may be NULL
 } hw_build_options;
 
@@ -25,8 +25,8 @@ hw_build_options hw_build_defaults(void);
 
 typedef struct hw_build_report {
     double import_seconds, chain_seconds, mesh_seconds, rays_seconds, cell_seconds, total_seconds;
-    hw_cell_seconds cell_parts; // of cell_seconds, added up over the threads
-    double cell_write_seconds;  // likewise: packing into a file, writing, syncing
+    hw_cell_seconds cell_parts;          // of cell_seconds, added up over the threads
+    double cell_write_seconds;           // likewise: packing into a file, writing, syncing
     uint64_t scratch_bytes, tree_builds; // what a bound of memory costs
     uint32_t cells_total, cells_made, cells_kept;
     uint32_t cells_missing, meshes_missing; // left to other shards
@@ -36,7 +36,7 @@ typedef struct hw_build_report {
 
 // Whatever an earlier, killed build with the same input and options left complete is kept; the
 // bytes are the same with any number of threads, any split into shards and any bound of memory. The
-// manifest is written once every cell and mesh is there; until then a shard leaves its own (shard.h)
-// for hw_merge_run. Errors name the file at fault; what was there before stays. HW_LIMIT: the bound
-// of memory is too small; the message tells what is needed.
+// manifest is written once every cell and mesh is there; until then a shard leaves its own
+// (shard.h) for hw_merge_run. Errors name the file at fault; what was there before stays. HW_LIMIT:
+// the bound of memory is too small; the message tells what is needed.
 HW_MUST_USE hw_status hw_build_run(const hw_build_options *options, hw_build_report *report);

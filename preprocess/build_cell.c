@@ -180,8 +180,8 @@ static hw_status add_objects(const hw_cell_inputs *in, const hw_cell_view *view,
                              hw_cell_seconds *seconds)
 {
     hw_status status = HW_OK;
-    timed_policy timed = {{in->far.policy->name, in->far.policy->help, simplify_timed},
-                          in->far.policy, 0, 0};
+    timed_policy timed = {
+        {in->far.policy->name, in->far.policy->help, simplify_timed}, in->far.policy, 0, 0};
     hw_far_options far = in->far;
     far.policy = &timed.policy;
     double start = hw_clock_ms(), captured = hw_capture_thread_seconds();

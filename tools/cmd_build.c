@@ -115,15 +115,17 @@ static void print_report(const hw_build_report *r)
     printf("bytes      %.1f MB: %.1f meshes, %.1f textures, %.1f near objects\n",
            (double)r->bytes / 1e6, (double)r->mesh_bytes / 1e6, (double)r->texture_bytes / 1e6,
            (double)r->near_bytes / 1e6);
-    printf("seconds    %.1f: import %.1f, levels of detail %.1f, near meshes %.1f, rays %.1f, cells "
-           "%.1f\n",
-           r->total_seconds, r->import_seconds, r->chain_seconds, r->mesh_seconds, r->rays_seconds,
-           r->cell_seconds);
+    printf(
+        "seconds    %.1f: import %.1f, levels of detail %.1f, near meshes %.1f, rays %.1f, cells "
+        "%.1f\n",
+        r->total_seconds, r->import_seconds, r->chain_seconds, r->mesh_seconds, r->rays_seconds,
+        r->cell_seconds);
     if (r->cells_made > 0)
-        printf("           of all threads in cells: classify %.1f, simplify %.1f, capture %.1f, pack "
-               "%.1f, write %.1f\n",
-               r->cell_parts.classify, r->cell_parts.simplify, r->cell_parts.capture,
-               r->cell_parts.pack, r->cell_write_seconds);
+        printf(
+            "           of all threads in cells: classify %.1f, simplify %.1f, capture %.1f, pack "
+            "%.1f, write %.1f\n",
+            r->cell_parts.classify, r->cell_parts.simplify, r->cell_parts.capture,
+            r->cell_parts.pack, r->cell_write_seconds);
     printf("memory     %.0f MB at the peak\n", (double)hw_rss_peak_bytes() / 1e6);
     if (r->scratch_bytes > 0)
         printf("           %.0f MB in a scratch file, ray trees built %llu times\n",

