@@ -8,8 +8,9 @@
 
 #define NO_REGION   UINT32_MAX
 #define WAIT_US     2000
-#define BLOCK_COUNT 5u        // arrays of a mesh
-#define SLACK_SHARE 16u       // of the bound is left free for pages that come in meanwhile
+#define BLOCK_COUNT 5u  // arrays of a mesh
+#define SLACK_SHARE 16u // of the bound is left free for pages that come in meanwhile
+#define WORK_BYTES  (UINT64_C(8) << 20) // for one object of a cell
 #define MAP_BYTES   (1 << 18) // blocks of this size and more go back to the system when freed
 
 struct hw_budget {
@@ -167,13 +168,6 @@ hw_status hw_budget_take_chain(hw_budget *b, uint32_t mesh_idx, hw_chain *chain)
     return HW_OK;
 }
 
-void hw_budget_touch(hw_budget *b, uint32_t mesh_idx)
-{
-    for (int k = 0; b && k < 2; k++)
-        if (b->regions[mesh_idx][k] != NO_REGION)
-            hw_spill_touch(b->spill, b->regions[mesh_idx][k]);
-}
-
 uint64_t hw_budget_scratch_bytes(hw_budget *b)
 {
     return b ? hw_spill_bytes(b->spill) : 0;
@@ -235,6 +229,18 @@ void hw_budget_release(hw_budget *b, uint64_t bytes)
     pthread_mutex_lock(&b->mutex);
     b->reserved -= bytes;
     pthread_mutex_unlock(&b->mutex);
+}
+
+hw_status hw_budget_use(hw_budget *b, uint32_t mesh_idx)
+{
+    if (!b)
+        return HW_OK;
+    for (int k = 0; k < 2; k++)
+        if (b->regions[mesh_idx][k] != NO_REGION)
+            hw_spill_touch(b->spill, b->regions[mesh_idx][k]);
+    HW_TRY(hw_budget_reserve(b, WORK_BYTES));
+    hw_budget_release(b, WORK_BYTES);
+    return HW_OK;
 }
 
 static hw_status reserve(void *context, uint64_t bytes)

@@ -21,8 +21,9 @@ HW_MUST_USE hw_status hw_budget_check_peak(const hw_budget *budget, const char *
 // budget is destroyed. taking a chain is thread-safe.
 HW_MUST_USE hw_status hw_budget_take_scene(hw_budget *budget, hw_scene *scene);
 HW_MUST_USE hw_status hw_budget_take_chain(hw_budget *budget, uint32_t mesh_idx, hw_chain *chain);
-// Marks a mesh and its chain as used now. Thread-safe.
-void hw_budget_touch(hw_budget *budget, uint32_t mesh_idx);
+// Marks a mesh and its chain as used now and sees to it that there is room to work with them. NULL
+// as the budget: nothing to do. Thread-safe; HW_LIMIT as below.
+HW_MUST_USE hw_status hw_budget_use(hw_budget *budget, uint32_t mesh_idx);
 
 // Waits until `bytes` more fit and reserves them until hw_budget_release. HW_LIMIT tells the least
 // bound needed. NULL as the budget: everything fits. Thread-safe.

@@ -190,7 +190,7 @@ static hw_status add_objects(const hw_cell_inputs *in, const hw_cell_view *view,
     HW_GO(HW_NEW(&a->far, count));
     for (uint32_t i = 0; i < count; i++) {
         uint32_t k = in->backwards ? count - 1 - i : i, object_idx = in->order ? in->order[k] : k;
-        hw_budget_touch(in->budget, in->scene->objects[object_idx].mesh_idx);
+        HW_GO(hw_budget_use(in->budget, in->scene->objects[object_idx].mesh_idx));
         HW_GO(add_object(in, view, &far, object_idx, a));
     }
     qsort(a->near, a->near_count, sizeof *a->near, by_object);
