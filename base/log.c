@@ -13,8 +13,7 @@
 
 struct hw_progress {
     const char *label;
-    uint64_t total;
-    _Atomic uint64_t done;
+    _Atomic uint64_t total, done;
     double start_ms, shown_ms;
 };
 
@@ -48,7 +47,8 @@ static void format_duration(double ms, char *out, size_t size)
 static void show(hw_progress *p, bool terminal)
 {
     uint64_t done = atomic_load(&p->done);
-    double share = p->total ? (double)done / (double)p->total : 1;
+    uint64_t total = atomic_load(&p->total);
+    double share = total ? (double)done / (double)total : 1;
     share = share > 1 ? 1 : share;
     p->shown_ms = hw_clock_ms();
     double elapsed = p->shown_ms - p->start_ms;
@@ -57,7 +57,7 @@ static void show(hw_progress *p, bool terminal)
         format_duration(elapsed / share - elapsed, left, sizeof left);
     if (!terminal) {
         fprintf(stderr, "hexwalk: %s: %.0f %% (%llu of %llu), %s left\n", p->label, share * 100,
-                (unsigned long long)done, (unsigned long long)p->total, left);
+                (unsigned long long)done, (unsigned long long)total, left);
         return;
     }
     char cells[BAR_CELLS + 1];
@@ -102,7 +102,7 @@ hw_status hw_progress_create(hw_progress **out, const char *label, uint64_t tota
 {
     HW_TRY(HW_NEW(out, 1));
     (*out)->label = label;
-    (*out)->total = total;
+    atomic_init(&(*out)->total, total);
     (*out)->start_ms = (*out)->shown_ms = hw_clock_ms();
     return HW_OK;
 }
@@ -122,6 +122,11 @@ void hw_progress_add(hw_progress *progress, uint64_t done)
     pthread_mutex_unlock(&mutex);
 }
 
+void hw_progress_skip(hw_progress *progress, uint64_t skipped)
+{
+    atomic_fetch_sub(&progress->total, skipped);
+}
+
 void hw_progress_destroy(hw_progress *progress)
 {
     if (!progress)
@@ -135,7 +140,7 @@ void hw_progress_destroy(hw_progress *progress)
         format_duration(hw_clock_ms() - progress->start_ms, elapsed, sizeof elapsed);
         fprintf(stderr, "%shexwalk: %s: %llu of %llu in %s\n", drawn ? "\r\033[K" : "",
                 progress->label, (unsigned long long)atomic_load(&progress->done),
-                (unsigned long long)progress->total, elapsed);
+                (unsigned long long)atomic_load(&progress->total), elapsed);
     }
     pthread_mutex_unlock(&mutex);
     hw_free(progress);

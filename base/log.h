@@ -18,5 +18,8 @@ typedef struct hw_progress hw_progress;
 HW_MUST_USE hw_status hw_progress_create(hw_progress **out, const char *label, uint64_t total);
 // Adds to what is done. Thread-safe.
 void hw_progress_add(hw_progress *progress, uint64_t done);
+// Takes work that needs not be done out of the total, so that the ETA tells of the rest.
+// Thread-safe.
+void hw_progress_skip(hw_progress *progress, uint64_t skipped);
 // Writes the closing line and frees. NULL is legal.
 void hw_progress_destroy(hw_progress *progress);

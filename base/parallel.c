@@ -6,6 +6,9 @@
 #define THREADS_MAX 1024u
 
 typedef struct loop {
+    struct loop *root;       // the outermost loop around this one, or itself
+    uint32_t threads;        // of the root: how many may work at a time
+    _Atomic uint32_t active; // of the root: how many do, in loops within too
     uint64_t count;
     hw_parallel_fn fn;
     void *context;
@@ -24,6 +27,8 @@ typedef struct worker {
     uint32_t thread;
     pthread_t handle;
 } worker;
+
+static _Thread_local loop *current_root; // of the loop whose body this thread is in
 
 uint32_t hw_thread_count_default(void)
 {
@@ -48,7 +53,7 @@ static void record_failure(loop *l, uint64_t index, hw_status status)
     atomic_store(&l->halted, true);
 }
 
-static void work(loop *l, uint32_t thread)
+static void take_indices(loop *l, uint32_t thread)
 {
     while (!atomic_load(&l->halted)) {
         if (l->stop && atomic_load(l->stop)) {
@@ -68,8 +73,32 @@ static void work(loop *l, uint32_t thread)
 static void *worker_main(void *argument)
 {
     worker *w = argument;
-    work(w->loop, w->thread);
+    current_root = w->loop->root;
+    take_indices(w->loop, w->thread);
+    atomic_fetch_sub(&w->loop->root->active, 1);
     return NULL;
+}
+
+// Counts one more thread as active if the root has one to spare.
+static bool claim_thread(loop *root)
+{
+    uint32_t active = atomic_load(&root->active);
+    while (active < root->threads)
+        if (atomic_compare_exchange_weak(&root->active, &active, active + 1))
+            return true;
+    return false;
+}
+
+// The caller's part. In an outermost loop it is one of the threads; in one within, it is counted
+// already.
+static void work_here(loop *l)
+{
+    loop *around = current_root;
+    current_root = l->root;
+    take_indices(l, 0);
+    current_root = around;
+    if (!around)
+        atomic_fetch_sub(&l->active, 1);
 }
 
 hw_status hw_parallel_for(uint64_t count, uint32_t threads, hw_parallel_fn fn, void *context,
@@ -84,16 +113,22 @@ hw_status hw_parallel_for(uint64_t count, uint32_t threads, hw_parallel_fn fn, v
         threads = THREADS_MAX;
     if (threads > count)
         threads = count ? (uint32_t)count : 1;
+    l.root = current_root ? current_root : &l;
+    l.threads = threads;
+    atomic_init(&l.active, threads);
     HW_TRY(HW_NEW(&workers, threads));
     pthread_mutex_init(&l.mutex, NULL);
 
     // A system that refuses further threads gets the work done by those it gave.
-    for (; started < threads; started++) {
+    bool within = l.root != &l;
+    for (; started < threads && (!within || claim_thread(l.root)); started++) {
         workers[started] = (worker){.loop = &l, .thread = started};
-        if (pthread_create(&workers[started].handle, NULL, worker_main, &workers[started]) != 0)
+        if (pthread_create(&workers[started].handle, NULL, worker_main, &workers[started]) != 0) {
+            atomic_fetch_sub(&l.root->active, within ? 1 : threads - started);
             break;
+        }
     }
-    work(&l, 0);
+    work_here(&l);
     for (uint32_t i = 1; i < started; i++)
         pthread_join(workers[i].handle, NULL);
 

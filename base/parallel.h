@@ -14,6 +14,9 @@ uint32_t hw_thread_count_default(void);
 // `thread` is in [0, threads). A failure stops the hand-out; the one of the lowest index is
 // returned with its message, the same with any number of threads. A non-null `stop` that becomes
 // true stops it with HW_INTERRUPTED.
+//
+// A loop within a loop shares its threads: it starts only as many as have run out of work outside,
+// so that all are busy to the end and there are never more than the outermost loop has.
 typedef hw_status (*hw_parallel_fn)(void *context, uint64_t index, uint32_t thread);
 HW_MUST_USE hw_status hw_parallel_for(uint64_t count, uint32_t threads, hw_parallel_fn fn,
                                       void *context, const atomic_bool *stop);

@@ -492,6 +492,27 @@ hw_status hw_cell_read(const char *path, hw_cell *out)
     return status;
 }
 
+hw_status hw_cell_read_counts(const char *path, hw_cell *out)
+{
+    hw_container *container = NULL;
+    hw_cell_chunks chunks = {0};
+    *out = (hw_cell){0};
+    HW_TRY(hw_container_open(&container, path, HW_CELL_MAGIC));
+    hw_status status =
+        hw_container_chunk(container, chunk_tags[HW_CELL_CHUNK_INFO], 0,
+                           &chunks.data[HW_CELL_CHUNK_INFO], &chunks.size[HW_CELL_CHUNK_INFO]);
+    if (status == HW_NOT_FOUND)
+        status = HW_FORMAT;
+    out->key = hw_container_key(container);
+    if (status == HW_OK)
+        status = get_info(path, &chunks, out);
+    if (status != HW_OK)
+        *out = (hw_cell){0};
+    hw_cell_chunks_free(&chunks);
+    hw_container_close(container);
+    return status;
+}
+
 hw_status hw_cell_decode(const char *name, const void *bytes, size_t size, hw_cell *out)
 {
     hw_container *container = NULL;

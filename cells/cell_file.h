@@ -70,6 +70,9 @@ HW_MUST_USE hw_status hw_cell_write(const hw_cell *cell, const char *path);
 HW_MUST_USE hw_status hw_cell_read(const char *path, hw_cell *out);
 HW_MUST_USE hw_status hw_cell_decode(const char *name, const void *bytes, size_t size,
                                      hw_cell *out);
+// The counts, id, centre and key alone; the arrays stay NULL. Reads a few bytes and checks no more
+// than those.
+HW_MUST_USE hw_status hw_cell_read_counts(const char *path, hw_cell *out);
 // Whether `path` holds a complete cell with this key: opens and validates it. A missing or broken
 // file gives false.
 bool hw_cell_is_current(const char *path, uint64_t key);

@@ -127,6 +127,8 @@ double hw_cell_side(const hw_hexgrid *grid, int32_t level)
 static int by_id(const void *x, const void *y)
 {
     const hw_cell_id *a = x, *b = y;
+    if (a->level != b->level)
+        return a->level < b->level ? -1 : 1;
     if (a->q != b->q)
         return a->q < b->q ? -1 : 1;
     return (a->r > b->r) - (a->r < b->r);
@@ -160,4 +162,10 @@ hw_status hw_hierarchy_cells(const hw_hexgrid *grid, hw_cell_id **out, uint32_t 
         level_count = above;
     }
     return HW_OK;
+}
+
+uint32_t hw_hierarchy_find(const hw_cell_id *cells, uint32_t count, hw_cell_id id)
+{
+    const hw_cell_id *found = bsearch(&id, cells, count, sizeof *cells, by_id);
+    return found ? (uint32_t)(found - cells) : count;
 }

@@ -21,3 +21,5 @@ hw_cell_id hw_cell_ancestor(hw_cell_id id, int32_t level);
 
 // All cells of the grid, level by level, in rising order of q, then r. *out is freed with hw_free.
 HW_MUST_USE hw_status hw_hierarchy_cells(const hw_hexgrid *grid, hw_cell_id **out, uint32_t *count);
+// Index of a cell among them, `count` if it is none of them.
+uint32_t hw_hierarchy_find(const hw_cell_id *cells, uint32_t count, hw_cell_id id);

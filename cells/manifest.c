@@ -51,6 +51,8 @@ static hw_status validate_head(const char *name, const hw_manifest *m)
         g->columns < 1 || g->columns > HW_GRID_SIDE_MAX || g->rows < 1 ||
         g->rows > HW_GRID_SIDE_MAX || g->levels < 1 || g->levels > HW_CELL_LEVELS_MAX)
         return hw_fail(HW_FORMAT, "%s: \"grid\" is no grid", name);
+    if (m->shard_count > 0 && m->shard_index >= m->shard_count)
+        return hw_fail(HW_FORMAT, "%s: \"shard\" is not K of N", name);
     if (m->ground.present && (!finite_box(m->ground.rect) || !finite_color(m->ground.color)))
         return hw_fail(HW_FORMAT, "%s: \"ground\" is empty or not finite", name);
     return HW_OK;
@@ -205,6 +207,11 @@ static cJSON *to_json(const hw_manifest *m)
 {
     cJSON *json = cJSON_CreateObject();
     hw_json_add_number(json, "version", HW_MANIFEST_VERSION);
+    if (m->shard_count > 0) {
+        const double shard[2] = {m->shard_index + 1.0, m->shard_count};
+        hw_json_add_numbers(json, "shard", shard, 2);
+        hw_json_add_number(json, "seconds", m->build_seconds);
+    }
     cJSON_AddStringToObject(json, "scene", m->scene_path);
     add_hash(json, "scene_hash", m->scene_hash);
     add_hash(json, "key", m->key);
@@ -364,6 +371,21 @@ static hw_status get_cells(const char *name, const cJSON *json, hw_manifest *out
     return HW_OK;
 }
 
+// "shard": [K, N] stands in the manifests of shards only, and with it how long the shard took.
+static hw_status get_shard(const char *name, const cJSON *json, hw_manifest *out)
+{
+    double shard[2];
+    if (!cJSON_HasObjectItem(json, "shard"))
+        return HW_OK;
+    HW_TRY(hw_json_numbers(name, json, "shard", shard, 2));
+    for (int i = 0; i < 2; i++)
+        if (!(shard[i] >= 1 && shard[i] <= HW_SHARDS_MAX) || shard[i] != floor(shard[i]))
+            return hw_fail(HW_FORMAT, "%s: \"shard\" is not K of N", name);
+    out->shard_index = (uint32_t)shard[0] - 1;
+    out->shard_count = (uint32_t)shard[1];
+    return hw_json_number(name, json, "seconds", &out->build_seconds);
+}
+
 static hw_status get_head(const char *name, const cJSON *json, hw_manifest *out)
 {
     int64_t version;
@@ -371,6 +393,7 @@ static hw_status get_head(const char *name, const cJSON *json, hw_manifest *out)
     if (version != HW_MANIFEST_VERSION)
         return hw_fail(HW_VERSION, "%s: dataset version %d, this program reads %d", name,
                        (int)version, HW_MANIFEST_VERSION);
+    HW_TRY(get_shard(name, json, out));
     HW_TRY(get_string(name, json, "scene", &out->scene_path));
     HW_TRY(get_hash(name, json, "scene_hash", &out->scene_hash));
     HW_TRY(get_hash(name, json, "key", &out->key));
@@ -461,6 +484,11 @@ hw_status hw_manifest_read(const char *dataset, hw_manifest *out)
     }
     HW_GO(hw_json_read(path, &json));
     HW_GO(from_json(path, json, out));
+    if (out->shard_count > 0) {
+        hw_manifest_free(out);
+        status = hw_fail(HW_FORMAT, "%s: is the manifest of a shard", path);
+        goto out;
+    }
     status = read_seconds(dataset, &out->build_seconds);
     if (status != HW_OK)
         hw_manifest_free(out);
@@ -470,14 +498,13 @@ out:
     return status;
 }
 
-hw_status hw_manifest_write(const char *dataset, const hw_manifest *manifest)
+// Into `path`; with a dataset, its build.json first.
+static hw_status write_checked(const char *path, const char *dataset, const hw_manifest *manifest)
 {
     hw_status status = HW_OK;
-    char *path = NULL;
     cJSON *json = NULL;
     hw_manifest sorted = *manifest, check = {0};
     sorted.cells = NULL;
-    HW_TRY(hw_path_join(&path, dataset, "manifest.json"));
     HW_GO(HW_NEW(&sorted.cells, manifest->cell_count));
     if (manifest->cell_count) {
         memcpy(sorted.cells, manifest->cells, manifest->cell_count * sizeof *sorted.cells);
@@ -487,16 +514,42 @@ hw_status hw_manifest_write(const char *dataset, const hw_manifest *manifest)
     json = to_json(&sorted);
     // cJSON leaves out what it has no memory for: reading the document back finds that.
     if (from_json(path, json, &check) != HW_OK || check.object_count != sorted.object_count ||
-        check.cell_count != sorted.cell_count) {
+        check.cell_count != sorted.cell_count || check.shard_count != sorted.shard_count) {
         status = hw_fail(HW_MEMORY, "%s: out of memory while writing", path);
         goto out;
     }
-    HW_GO(write_seconds(dataset, manifest->build_seconds));
+    if (dataset)
+        HW_GO(write_seconds(dataset, manifest->build_seconds));
     HW_GO(hw_json_write(path, json)); // last: it makes the folder a dataset
 out:
     hw_manifest_free(&check);
     hw_free(sorted.cells);
     cJSON_Delete(json);
+    return status;
+}
+
+hw_status hw_manifest_write(const char *dataset, const hw_manifest *manifest)
+{
+    char *path = NULL;
+    hw_manifest whole = *manifest;
+    whole.shard_index = whole.shard_count = 0;
+    HW_TRY(hw_path_join(&path, dataset, "manifest.json"));
+    hw_status status = write_checked(path, dataset, &whole);
     hw_free(path);
+    return status;
+}
+
+hw_status hw_manifest_write_file(const char *path, const hw_manifest *manifest)
+{
+    return write_checked(path, NULL, manifest);
+}
+
+hw_status hw_manifest_read_file(const char *path, hw_manifest *out)
+{
+    cJSON *json = NULL;
+    *out = (hw_manifest){0};
+    HW_TRY(hw_json_read(path, &json));
+    hw_status status = from_json(path, json, out);
+    cJSON_Delete(json);
     return status;
 }

@@ -6,6 +6,7 @@
 #include "status.h"
 
 #define HW_MANIFEST_VERSION 2
+#define HW_SHARDS_MAX       1000000u
 
 typedef struct hw_manifest_object {
     uint32_t mesh_idx;
@@ -34,10 +35,14 @@ typedef struct hw_manifest {
     uint32_t mesh_count, texture_count, object_count, cell_count;
     hw_manifest_object *objects;
     hw_manifest_cell *cells;
+    uint32_t shard_index, shard_count; // of a shard's manifest (shard.h); count 0: of the whole
 } hw_manifest;
 
 void hw_manifest_free(hw_manifest *manifest);
 HW_MUST_USE hw_status hw_manifest_write(const char *dataset, const hw_manifest *manifest);
+// One file, validated, without the seconds of build.json: how shards keep their manifests.
+HW_MUST_USE hw_status hw_manifest_write_file(const char *path, const hw_manifest *manifest);
+HW_MUST_USE hw_status hw_manifest_read_file(const char *path, hw_manifest *out);
 // Reads and validates "<dataset>/manifest.json": version, counts, indices, finite numbers.
 // HW_NOT_FOUND tells that the folder is no (finished) dataset; HW_VERSION names both versions.
 HW_MUST_USE hw_status hw_manifest_read(const char *dataset, hw_manifest *out);

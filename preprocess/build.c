@@ -1,6 +1,5 @@
 #include "build.h"
 #include "alloc.h"
-#include "build_cell.h"
 #include "file.h"
 #include "hash.h"
 #include "hierarchy.h"
@@ -11,8 +10,10 @@
 #include "mesh_file.h"
 #include "parallel.h"
 #include "rays.h"
+#include "shard.h"
 #include "system.h"
 #include <math.h>
+#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -34,8 +35,12 @@ typedef struct build {
     uint64_t scene_hash, key;
     int32_t *texture_of_material, texture_count;
     hw_progress *progress;
-    atomic_uint made, kept;
-    atomic_ullong far_records, far_triangles, near_records;
+    hw_budget *budget;     // NULL: no bound
+    uint32_t *mesh_order;  // by falling size
+    uint32_t *order;       // objects by mesh, with a bound
+    bool *backwards;       // per thread: the way of its last cell
+    pthread_mutex_t mutex; // guards what the report adds up
+    uint64_t far_records, far_triangles, near_records;
 } build;
 
 hw_build_options hw_build_defaults(void)
@@ -121,34 +126,93 @@ static hw_status load_scene(build *b)
     return HW_OK;
 }
 
-static bool stopped(const build *b)
+// With a bound of memory, the scene moves into a scratch file.
+static hw_status set_budget(build *b)
 {
-    return b->options->stop && atomic_load(b->options->stop);
+    if (b->options->memory_bytes == 0)
+        return HW_OK;
+    HW_TRY(hw_budget_create(&b->budget, b->options->memory_bytes, b->options->dataset));
+    HW_TRY(hw_budget_check_peak(b->budget, "reading the scene"));
+    return hw_budget_take_scene(b->budget, &b->scene);
+}
+
+static bool owns(const build *b, uint32_t item)
+{
+    return hw_shard_owns(b->options->shard_index, b->options->shard_count, item);
+}
+
+static uint32_t thread_count(const build *b)
+{
+    return b->options->threads ? b->options->threads : hw_thread_count_default();
 }
 
 // ---- chains and meshes -----------------------------------------------------------------------
 
+// About what making a chain needs at its peak, per triangle: measured, on the safe side.
+#define CHAIN_BYTES 700u
+#define MESH_BYTES  400u // likewise, writing a near mesh
+
+// Numbers from 0 by rising key; equal keys in the order of the numbers.
+typedef struct keyed {
+    uint32_t key, number;
+} keyed;
+
+static int by_key(const void *x, const void *y)
+{
+    const keyed *a = x, *b = y;
+    if (a->key != b->key)
+        return a->key < b->key ? -1 : 1;
+    return (a->number > b->number) - (a->number < b->number);
+}
+
+static hw_status order_by_key(keyed *keys, uint32_t count, uint32_t **out)
+{
+    HW_TRY(HW_NEW(out, count));
+    qsort(keys, count, sizeof *keys, by_key);
+    for (uint32_t i = 0; i < count; i++)
+        (*out)[i] = keys[i].number;
+    return HW_OK;
+}
+
+static hw_status make_chain(void *context, uint64_t index, uint32_t thread)
+{
+    (void)thread;
+    build *b = context;
+    uint32_t m = b->mesh_order[index], triangles = b->scene.meshes[m].index_count / 3;
+    hw_chain_options options = b->options->chain;
+    options.threads = thread_count(b);
+    uint64_t bytes = (uint64_t)triangles * CHAIN_BYTES;
+    HW_TRY(hw_budget_reserve(b->budget, bytes));
+    hw_status status = hw_chain_make(&b->scene.meshes[m], &options, &b->chains[m]);
+    if (status == HW_OK && b->budget)
+        status = hw_budget_take_chain(b->budget, m, &b->chains[m]);
+    hw_budget_release(b->budget, bytes);
+    hw_progress_add(b->progress, triangles);
+    return status;
+}
+
+// The largest first, beside each other; the threads that the last ones leave over help with those.
 static hw_status make_chains(build *b)
 {
     hw_status status = HW_OK;
     double start = hw_clock_ms();
-    hw_progress *progress = NULL;
-    hw_chain_options options = b->options->chain;
-    options.threads = b->options->threads;
+    keyed *keys = NULL;
     uint64_t total = 0;
-    for (uint32_t i = 0; i < b->scene.mesh_count; i++)
-        total += b->scene.meshes[i].index_count / 3;
     HW_GO(HW_NEW(&b->chains, b->scene.mesh_count));
-    HW_GO(hw_progress_create(&progress, "levels of detail", total));
+    HW_GO(HW_NEW(&keys, b->scene.mesh_count));
     for (uint32_t i = 0; i < b->scene.mesh_count; i++) {
-        if (stopped(b))
-            HW_GO(hw_fail(HW_INTERRUPTED, "interrupted"));
-        HW_GO(hw_chain_make(&b->scene.meshes[i], &options, &b->chains[i]));
-        hw_progress_add(progress, b->scene.meshes[i].index_count / 3);
+        keys[i] = (keyed){UINT32_MAX - b->scene.meshes[i].index_count, i};
+        total += b->scene.meshes[i].index_count / 3;
     }
+    HW_GO(order_by_key(keys, b->scene.mesh_count, &b->mesh_order));
+    HW_GO(hw_progress_create(&b->progress, "levels of detail", total));
+    HW_GO(
+        hw_parallel_for(b->scene.mesh_count, b->options->threads, make_chain, b, b->options->stop));
     b->report->chain_seconds = (hw_clock_ms() - start) / 1000;
 out:
-    hw_progress_destroy(progress);
+    hw_free(keys);
+    hw_progress_destroy(b->progress);
+    b->progress = NULL;
     return status;
 }
 
@@ -167,10 +231,15 @@ static bool mesh_file_is_current(const char *path, uint64_t key, uint32_t level_
 }
 
 // The levels that near objects are drawn with.
-static hw_status write_mesh(const build *b, uint32_t mesh_idx)
+static hw_status write_mesh(void *context, uint64_t mesh, uint32_t thread)
 {
+    (void)thread;
+    const build *b = context;
     hw_status status = HW_OK;
     char *path = NULL;
+    uint32_t mesh_idx = (uint32_t)mesh;
+    if (!owns(b, mesh_idx))
+        return HW_OK;
     const hw_chain *chain = &b->chains[mesh_idx];
     hw_mesh levels[HW_MESH_LEVELS_MAX];
     hw_mesh_level_info infos[HW_MESH_LEVELS_MAX];
@@ -180,35 +249,36 @@ static hw_status write_mesh(const build *b, uint32_t mesh_idx)
         infos[count++] = chain->infos[l];
     }
     HW_GO(hw_mesh_path(&path, b->options->dataset, mesh_idx));
+    uint64_t bytes = (uint64_t)chain->infos[0].index_count / 3 * MESH_BYTES;
+    HW_GO(hw_budget_reserve(b->budget, bytes));
     if (!mesh_file_is_current(path, b->key, count))
-        HW_GO(hw_mesh_file_write(path, b->key, levels, infos, count));
+        status = hw_mesh_file_write(path, b->key, levels, infos, count);
+    hw_budget_release(b->budget, bytes);
 out:
     hw_free(path);
     return status;
 }
 
-static hw_status file_bytes(const char *path, uint64_t *total)
+static hw_status texture_path(const build *b, int32_t texture_idx, char **out)
 {
-    hw_reader *reader = NULL;
-    HW_TRY(hw_reader_open(&reader, path));
-    *total += hw_reader_size(reader);
-    hw_reader_close(reader);
-    return HW_OK;
+    char name[64];
+    snprintf(name, sizeof name, "meshes/texture_%d.png", texture_idx);
+    return hw_path_join(out, b->options->dataset, name);
 }
 
 static hw_status write_texture(build *b, uint32_t material_idx)
 {
     hw_status status = HW_OK;
-    char name[64], *path = NULL;
+    char *path = NULL;
     const hw_material *material = &b->scene.materials[material_idx];
     b->texture_of_material[material_idx] = -1;
     if (!material->texture.data)
         return HW_OK;
-    b->texture_of_material[material_idx] = b->texture_count++;
-    snprintf(name, sizeof name, "meshes/texture_%d.png", b->texture_of_material[material_idx]);
-    HW_GO(hw_path_join(&path, b->options->dataset, name));
+    int32_t texture_idx = b->texture_of_material[material_idx] = b->texture_count++;
+    if (!owns(b, (uint32_t)texture_idx))
+        return HW_OK;
+    HW_GO(texture_path(b, texture_idx, &path));
     HW_GO(hw_image_write(path, &material->texture));
-    HW_GO(file_bytes(path, &b->report->near_bytes));
 out:
     hw_free(path);
     return status;
@@ -216,62 +286,104 @@ out:
 
 static hw_status write_meshes(build *b)
 {
-    hw_status status = HW_OK;
     double start = hw_clock_ms();
-    char *path = NULL;
-    HW_GO(HW_NEW(&b->texture_of_material, b->scene.material_count));
-    for (uint32_t i = 0; i < b->scene.mesh_count; i++) {
-        HW_GO(write_mesh(b, i));
-        hw_free(path);
-        path = NULL;
-        HW_GO(hw_mesh_path(&path, b->options->dataset, i));
-        HW_GO(file_bytes(path, &b->report->near_bytes));
-    }
+    HW_TRY(HW_NEW(&b->texture_of_material, b->scene.material_count));
+    HW_TRY(
+        hw_parallel_for(b->scene.mesh_count, b->options->threads, write_mesh, b, b->options->stop));
     for (uint32_t i = 0; i < b->scene.material_count; i++)
-        HW_GO(write_texture(b, i));
+        HW_TRY(write_texture(b, i));
     b->report->mesh_seconds = (hw_clock_ms() - start) / 1000;
+    return HW_OK;
+}
+
+// ---- cells -----------------------------------------------------------------------------------
+
+// Adds what was made to the report.
+static void count_made(build *b, const hw_cell *cell, const hw_cell_seconds *s, double write)
+{
+    hw_cell_seconds *parts = &b->report->cell_parts;
+    pthread_mutex_lock(&b->mutex);
+    b->report->cells_made++;
+    b->far_records += cell->far_count;
+    b->far_triangles += cell->index_count / 3;
+    b->near_records += cell->near_count;
+    parts->classify += s->classify;
+    parts->simplify += s->simplify;
+    parts->capture += s->capture;
+    parts->pack += s->pack;
+    b->report->cell_write_seconds += write;
+    pthread_mutex_unlock(&b->mutex);
+}
+
+// With a bound of memory each thread goes through the objects mesh by mesh, forth and back from
+// cell to cell, so that what it used last serves it first.
+static hw_status build_cell(build *b, hw_cell_id id, const char *path, uint32_t thread)
+{
+    hw_status status;
+    hw_cell cell = {0};
+    hw_cell_seconds seconds = {0};
+    hw_cell_inputs inputs = {.scene = &b->scene,
+                             .chains = b->chains,
+                             .capturer = b->capturer,
+                             .grid = &b->grid,
+                             .far = b->options->far,
+                             .near_error_px = b->options->near_error_px,
+                             .key = b->key,
+                             .order = b->order,
+                             .backwards = b->backwards[thread],
+                             .budget = b->budget};
+    b->backwards[thread] = b->budget && !b->backwards[thread];
+    HW_GO(hw_build_cell(&inputs, id, &cell, &seconds));
+    double start = hw_clock_ms();
+    HW_GO(hw_cell_write(&cell, path));
+    count_made(b, &cell, &seconds, (hw_clock_ms() - start) / 1000);
+    hw_progress_add(b->progress, 1);
+out:
+    hw_cell_free(&cell);
+    return status;
+}
+
+static hw_status make_cell(void *context, uint64_t index, uint32_t thread)
+{
+    build *b = context;
+    hw_status status = HW_OK;
+    char *path = NULL;
+    uint32_t place = b->cell_count - 1 - (uint32_t)index; // groups first: they take longest
+    hw_cell_id id = b->cells[place];
+    if (!owns(b, place))
+        return HW_OK;
+    HW_GO(hw_cell_path(&path, b->options->dataset, id));
+    if (hw_cell_is_current(path, b->key)) {
+        pthread_mutex_lock(&b->mutex);
+        b->report->cells_kept++;
+        pthread_mutex_unlock(&b->mutex);
+        hw_progress_skip(b->progress, 1);
+    } else {
+        HW_GO(build_cell(b, id, path, thread));
+    }
 out:
     hw_free(path);
     return status;
 }
 
-// ---- cells -----------------------------------------------------------------------------------
-
-static bool in_shard(const build *b, uint32_t index)
+static hw_status make_rays(build *b)
 {
-    return b->options->shard_count <= 1 ||
-           index % b->options->shard_count == b->options->shard_index;
-}
-
-static hw_status make_cell(void *context, uint64_t index, uint32_t thread)
-{
-    (void)thread;
-    build *b = context;
     hw_status status = HW_OK;
-    char *path = NULL;
-    hw_cell cell = {0};
-    uint32_t place = b->cell_count - 1 - (uint32_t)index; // groups first: they take longest
-    hw_cell_id id = b->cells[place];
-    if (!in_shard(b, place))
-        return HW_OK;
-    HW_GO(hw_cell_path(&path, b->options->dataset, id));
-    if (hw_cell_is_current(path, b->key)) {
-        atomic_fetch_add(&b->kept, 1);
+    double start = hw_clock_ms();
+    keyed *keys = NULL;
+    if (b->budget) {
+        HW_GO(HW_NEW(&keys, b->scene.object_count));
+        for (uint32_t i = 0; i < b->scene.object_count; i++)
+            keys[i] = (keyed){b->scene.objects[i].mesh_idx, i};
+        HW_GO(order_by_key(keys, b->scene.object_count, &b->order));
+        HW_GO(hw_budget_create_rays(b->budget, &b->scene, &b->rays));
     } else {
-        hw_cell_inputs inputs = {&b->scene, b->chains,       b->capturer,
-                                 &b->grid,  b->options->far, b->options->near_error_px,
-                                 b->key};
-        HW_GO(hw_build_cell(&inputs, id, &cell));
-        HW_GO(hw_cell_write(&cell, path));
-        atomic_fetch_add(&b->made, 1);
-        atomic_fetch_add(&b->far_records, cell.far_count);
-        atomic_fetch_add(&b->far_triangles, cell.index_count / 3);
-        atomic_fetch_add(&b->near_records, cell.near_count);
+        HW_GO(hw_rays_create_scene(&b->rays, &b->scene));
     }
-    hw_progress_add(b->progress, 1);
+    HW_GO(hw_capturer_create(&b->scene, b->rays, &b->capturer));
+    b->report->rays_seconds = (hw_clock_ms() - start) / 1000;
 out:
-    hw_cell_free(&cell);
-    hw_free(path);
+    hw_free(keys);
     return status;
 }
 
@@ -281,22 +393,22 @@ static hw_status make_cells(build *b)
     double start = hw_clock_ms();
     uint32_t count = b->cell_count, mine = 0;
     for (uint32_t i = 0; i < count; i++)
-        mine += in_shard(b, i);
-    HW_GO(hw_rays_create_scene(&b->rays, &b->scene));
-    HW_GO(hw_capturer_create(&b->scene, b->rays, &b->capturer));
+        mine += owns(b, i);
+    b->report->cells_total = count;
+    HW_GO(HW_NEW(&b->backwards, thread_count(b)));
     HW_GO(hw_progress_create(&b->progress, "cells", mine));
     HW_GO(hw_parallel_for(count, b->options->threads, make_cell, b, b->options->stop));
 out:
     hw_progress_destroy(b->progress);
-    b->report->cells_total = count;
-    b->report->cells_made = atomic_load(&b->made);
-    b->report->cells_kept = atomic_load(&b->kept);
+    b->progress = NULL;
     if (b->report->cells_made > 0) {
         double made = b->report->cells_made;
-        b->report->far_records_mean = (double)atomic_load(&b->far_records) / made;
-        b->report->far_triangles_mean = (double)atomic_load(&b->far_triangles) / made;
-        b->report->near_records_mean = (double)atomic_load(&b->near_records) / made;
+        b->report->far_records_mean = (double)b->far_records / made;
+        b->report->far_triangles_mean = (double)b->far_triangles / made;
+        b->report->near_records_mean = (double)b->near_records / made;
     }
+    b->report->scratch_bytes = hw_budget_scratch_bytes(b->budget);
+    b->report->tree_builds = hw_rays_builds(b->rays);
     b->report->cell_seconds = (hw_clock_ms() - start) / 1000;
     return status;
 }
@@ -329,6 +441,44 @@ static bool count_cell(build *b, hw_cell_id id, hw_manifest_cell *out)
     return good;
 }
 
+// The bytes of a near mesh (opened, but not read through) or a texture; false if it is not there.
+static bool count_near(build *b, bool is_mesh, uint32_t index)
+{
+    char *path = NULL;
+    hw_mesh_file *file = NULL;
+    hw_reader *reader = NULL;
+    bool good = (is_mesh ? hw_mesh_path(&path, b->options->dataset, index)
+                         : texture_path(b, (int32_t)index, &path)) == HW_OK;
+    if (good && is_mesh)
+        good = hw_mesh_file_open(&file, path) == HW_OK && hw_mesh_file_key(file) == b->key;
+    if (good && hw_reader_open(&reader, path) == HW_OK)
+        b->report->near_bytes += hw_reader_size(reader);
+    good = good && reader;
+    hw_reader_close(reader);
+    hw_mesh_file_close(file);
+    hw_free(path);
+    return good;
+}
+
+// Sums over all that is there, or over the shard's own.
+static void count_files(build *b, bool all, hw_manifest *m)
+{
+    hw_build_report *r = b->report;
+    uint32_t count = b->cell_count;
+    r->bytes = r->mesh_bytes = r->texture_bytes = r->near_bytes = 0;
+    r->cells_missing = r->meshes_missing = m->cell_count = 0;
+    for (uint32_t i = 0; i < count; i++)
+        if ((all || owns(b, i)) && !count_cell(b, b->cells[i], &m->cells[m->cell_count++]))
+            r->cells_missing++;
+    for (uint32_t i = 0; i < b->scene.mesh_count; i++)
+        if (all || owns(b, i))
+            r->meshes_missing += !count_near(b, true, i);
+    for (uint32_t i = 0; i < (uint32_t)b->texture_count; i++)
+        if (all || owns(b, i))
+            r->meshes_missing += !count_near(b, false, i);
+    r->bytes += r->near_bytes;
+}
+
 static hw_status fill_objects(const build *b, hw_manifest *m)
 {
     HW_TRY(HW_NEW(&m->objects, b->scene.object_count));
@@ -351,16 +501,20 @@ static hw_status write_manifest(build *b, double start_ms)
     hw_status status = HW_OK;
     const hw_build_options *o = b->options;
     hw_manifest m = {0};
-    uint32_t count = b->cell_count;
-    HW_GO(HW_NEW(&m.cells, count));
-    for (uint32_t i = 0; i < count; i++)
-        if (!count_cell(b, b->cells[i], &m.cells[i]))
-            b->report->cells_missing++;
-    b->report->bytes += b->report->near_bytes;
+    HW_GO(HW_NEW(&m.cells, b->cell_count));
+    count_files(b, true, &m);
+    uint32_t cells_missing = b->report->cells_missing, meshes_missing = b->report->meshes_missing;
+    bool whole = cells_missing + meshes_missing == 0;
+    if (!whole) {
+        count_files(b, false, &m);
+        if (b->report->cells_missing + b->report->meshes_missing > 0 || o->shard_count <= 1)
+            HW_GO(hw_fail(HW_IO, "%s: a file that was just made cannot be read", o->dataset));
+        b->report->cells_missing = cells_missing;
+        b->report->meshes_missing = meshes_missing;
+        m.shard_index = o->shard_index;
+        m.shard_count = o->shard_count;
+    }
     b->report->total_seconds = (hw_clock_ms() - start_ms) / 1000;
-    if (b->report->cells_missing > 0)
-        goto out;
-    m.cell_count = count;
     m.scene_path = realpath(o->scene_path, NULL);
     HW_GO(hw_strdup(&m.policy, o->far.policy->name));
     m.scene_hash = b->scene_hash;
@@ -378,7 +532,12 @@ static hw_status write_manifest(build *b, double start_ms)
     m.mesh_count = b->scene.mesh_count;
     m.texture_count = (uint32_t)b->texture_count;
     HW_GO(fill_objects(b, &m));
-    HW_GO(hw_manifest_write(o->dataset, &m));
+    if (whole) {
+        HW_GO(hw_shards_remove(o->dataset));
+        HW_GO(hw_manifest_write(o->dataset, &m));
+    } else {
+        HW_GO(hw_shard_write(o->dataset, &m));
+    }
 out:
     hw_manifest_free(&m);
     return status;
@@ -414,12 +573,17 @@ static void release(build *b)
 {
     hw_capturer_destroy(b->capturer);
     hw_rays_destroy(b->rays);
+    hw_budget_destroy(b->budget);
     for (uint32_t i = 0; b->chains && i < b->scene.mesh_count; i++)
         hw_chain_free(&b->chains[i]);
     hw_free(b->chains);
+    hw_free(b->mesh_order);
+    hw_free(b->order);
+    hw_free(b->backwards);
     hw_free(b->texture_of_material);
     hw_free(b->cells);
     hw_scene_free(&b->scene);
+    pthread_mutex_destroy(&b->mutex);
 }
 
 hw_status hw_build_run(const hw_build_options *options, hw_build_report *report)
@@ -428,10 +592,13 @@ hw_status hw_build_run(const hw_build_options *options, hw_build_report *report)
     double start = hw_clock_ms();
     build b = {.options = options, .report = report};
     memset(report, 0, sizeof *report);
+    pthread_mutex_init(&b.mutex, NULL);
     HW_GO(load_scene(&b));
     HW_GO(make_folders(&b));
+    HW_GO(set_budget(&b));
     HW_GO(make_chains(&b));
     HW_GO(write_meshes(&b));
+    HW_GO(make_rays(&b));
     HW_GO(make_cells(&b));
     HW_GO(write_manifest(&b, start));
 out:

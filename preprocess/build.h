@@ -1,6 +1,6 @@
 // The build: scene in, dataset out. Stages: import, chains, meshes, cells, manifest.
 #pragma once
-#include "svmesh.h"
+#include "build_cell.h"
 #include <stdatomic.h>
 
 // Raise when the content of cells or meshes changes for the same input: it is part of every key.
@@ -16,7 +16,8 @@ typedef struct hw_build_options {
     hw_chain_options chain;
     uint32_t threads; // 0 = default
     uint32_t shard_index,
-        shard_count;         // this run makes every shard_count-th cell; count 0 or 1 = all
+        shard_count;       // this run makes every shard_count-th cell and mesh; count 0 or 1 = all
+    uint64_t memory_bytes; // bound of the resident memory; 0 = none
     const atomic_bool *stop; // becomes true to stop soon with HW_INTERRUPTED; may be NULL
 } hw_build_options;
 
@@ -24,13 +25,19 @@ typedef struct hw_build_options {
 hw_build_options hw_build_defaults(void);
 
 typedef struct hw_build_report {
-    double import_seconds, chain_seconds, mesh_seconds, cell_seconds, total_seconds;
-    uint32_t cells_total, cells_made, cells_kept, cells_missing; // missing: left to other shards
+    double import_seconds, chain_seconds, mesh_seconds, rays_seconds, cell_seconds, total_seconds;
+    hw_cell_seconds cell_parts;          // of cell_seconds, added up over the threads
+    double cell_write_seconds;           // likewise: packing into a file, writing, syncing
+    uint64_t scratch_bytes, tree_builds; // what a bound of memory costs
+    uint32_t cells_total, cells_made, cells_kept;
+    uint32_t cells_missing, meshes_missing; // left to other shards
     uint64_t bytes, mesh_bytes, texture_bytes, near_bytes;
     double far_records_mean, far_triangles_mean, near_records_mean; // per cell
 } hw_build_report;
 
 // Whatever an earlier, killed build with the same input and options left complete is kept; the
-// bytes are the same with any number of threads and any split into shards. The manifest is written
-// once every cell is there. Errors name the file at fault; what was there before stays.
+// bytes are the same with any number of threads, any split into shards and any bound of memory. The
+// manifest is written once every cell and mesh is there; until then a shard leaves its own
+// (shard.h) for hw_merge_run. Errors name the file at fault; what was there before stays. HW_LIMIT:
+// the bound of memory is too small; the message tells what is needed.
 HW_MUST_USE hw_status hw_build_run(const hw_build_options *options, hw_build_report *report);

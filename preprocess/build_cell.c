@@ -3,6 +3,7 @@
 #include "atlas.h"
 #include "block.h"
 #include "hierarchy.h"
+#include "system.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -23,6 +24,24 @@ typedef struct assembly {
     sorted_svmesh *far;
     uint32_t near_count, far_count;
 } assembly;
+
+// A policy that lets another one do the work and tells how long it took.
+typedef struct timed_policy {
+    hw_svmesh_policy policy; // first: the job's options point here
+    const hw_svmesh_policy *inner;
+    double ms, capture_ms; // of which in captures
+} timed_policy;
+
+static hw_status simplify_timed(const hw_svmesh_job *job, hw_view_mesh *out)
+{
+    // The options that lead here belong to one call of hw_build_cell, which may write to it.
+    timed_policy *timed = (timed_policy *)(uintptr_t)job->options->policy;
+    double start = hw_clock_ms(), captured = hw_capture_thread_seconds();
+    hw_status status = timed->inner->simplify(job, out);
+    timed->capture_ms += (hw_capture_thread_seconds() - captured) * 1000;
+    timed->ms += hw_clock_ms() - start;
+    return status;
+}
 
 uint32_t hw_near_level(const hw_chain *chain, double scale, double distance, double focal_px,
                        double error_px)
@@ -83,14 +102,14 @@ static bool is_ours(const hw_cell_inputs *in, const hw_cell_view *view, const hw
     return view->id.level == 0 || group_serves(in, view, box);
 }
 
-static hw_status add_object(const hw_cell_inputs *in, const hw_cell_view *view, uint32_t object_idx,
-                            assembly *a)
+static hw_status add_object(const hw_cell_inputs *in, const hw_cell_view *view,
+                            const hw_far_options *far, uint32_t object_idx, assembly *a)
 {
     const hw_object *object = &in->scene->objects[object_idx];
     hw_vec3 towards = hw_v3_sub(hw_box_centre(object->bounds), view->centre);
     hw_svmesh_job job = {
         .view = view,
-        .options = &in->far,
+        .options = far,
         .scene = in->scene,
         .capturer = in->capturer,
         .chain = &in->chains[object->mesh_idx],
@@ -111,6 +130,12 @@ static hw_status add_object(const hw_cell_inputs *in, const hw_cell_view *view, 
         a->far_count++;
     }
     return HW_OK;
+}
+
+static int by_object(const void *x, const void *y)
+{
+    const hw_near_record *a = x, *b = y;
+    return (a->object_idx > b->object_idx) - (a->object_idx < b->object_idx);
 }
 
 static int by_azimuth(const void *x, const void *y)
@@ -197,32 +222,62 @@ static hw_status join_meshes(const assembly *a, hw_cell *out)
     return HW_OK;
 }
 
-hw_status hw_build_cell(const hw_cell_inputs *in, hw_cell_id id, hw_cell *out)
+// Sorts the objects into near and far and derives the far ones' meshes.
+static hw_status add_objects(const hw_cell_inputs *in, const hw_cell_view *view, assembly *a,
+                             hw_cell_seconds *seconds)
+{
+    hw_status status = HW_OK;
+    timed_policy timed = {
+        {in->far.policy->name, in->far.policy->help, simplify_timed}, in->far.policy, 0, 0};
+    hw_far_options far = in->far;
+    far.policy = &timed.policy;
+    double start = hw_clock_ms(), captured = hw_capture_thread_seconds();
+    uint32_t count = in->scene->object_count;
+    hw_cell_view groups[HW_CELL_LEVELS_MAX]; // that hold the cell, by level
+    for (int32_t l = view->id.level + 1; l < in->grid->levels; l++)
+        groups[l] = hw_cell_view_make(in->grid, hw_cell_ancestor(view->id, l));
+    HW_GO(HW_NEW(&a->near, count));
+    HW_GO(HW_NEW(&a->far, count));
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t k = in->backwards ? count - 1 - i : i, object_idx = in->order ? in->order[k] : k;
+        if (!is_ours(in, view, groups, in->scene->objects[object_idx].bounds))
+            continue;
+        HW_GO(hw_budget_use(in->budget, in->scene->objects[object_idx].mesh_idx));
+        HW_GO(add_object(in, view, &far, object_idx, a));
+    }
+    qsort(a->near, a->near_count, sizeof *a->near, by_object);
+    qsort(a->far, a->far_count, sizeof *a->far, by_azimuth);
+out:
+    captured = hw_capture_thread_seconds() - captured;
+    double simplified = (timed.ms - timed.capture_ms) / 1000;
+    seconds->capture += captured;
+    seconds->simplify += simplified;
+    seconds->classify += (hw_clock_ms() - start) / 1000 - captured - simplified;
+    return status;
+}
+
+hw_status hw_build_cell(const hw_cell_inputs *in, hw_cell_id id, hw_cell *out,
+                        hw_cell_seconds *seconds)
 {
     hw_status status;
     assembly a = {0};
-    hw_cell_view view = hw_cell_view_make(in->grid, id), groups[HW_CELL_LEVELS_MAX];
+    hw_cell_view view = hw_cell_view_make(in->grid, id);
     memset(out, 0, sizeof *out);
     out->id = id;
     out->centre = view.centre;
     out->key = in->key;
-    HW_GO(HW_NEW(&a.near, in->scene->object_count));
-    HW_GO(HW_NEW(&a.far, in->scene->object_count));
-    for (int32_t l = id.level + 1; l < in->grid->levels; l++)
-        groups[l] = hw_cell_view_make(in->grid, hw_cell_ancestor(id, l));
-    for (uint32_t i = 0; i < in->scene->object_count; i++)
-        if (is_ours(in, &view, groups, in->scene->objects[i].bounds))
-            HW_GO(add_object(in, &view, i, &a));
+    HW_GO(add_objects(in, &view, &a, seconds));
     if (id.level > 0 && a.near_count > 0)
         HW_GO(hw_fail(HW_INTERNAL, "object %u cannot be drawn from cell %d/%d_%d",
                       a.near[0].object_idx, id.level, id.q, id.r));
+    double start = hw_clock_ms();
     out->near = a.near;
     out->near_count = a.near_count;
     a.near = NULL;
-    qsort(a.far, a.far_count, sizeof *a.far, by_azimuth);
     if (a.far_count > 0)
         HW_GO(pack_atlas(&a, out));
     HW_GO(join_meshes(&a, out));
+    seconds->pack += (hw_clock_ms() - start) / 1000;
 out:
     for (uint32_t i = 0; i < a.far_count; i++)
         hw_svmesh_free(&a.far[i].svmesh);

@@ -1,6 +1,12 @@
 // Makes one cell: sorts the objects into near and far, derives the SVMeshes, packs them.
 #pragma once
+#include "budget.h"
 #include "svmesh.h"
+
+// Seconds of work, added up over the threads.
+typedef struct hw_cell_seconds {
+    double classify, simplify, capture, pack; // near or far; the policy; rays; atlas and joining
+} hw_cell_seconds;
 
 // Everything cells are made from; read-only while they are made.
 typedef struct hw_cell_inputs {
@@ -11,6 +17,9 @@ typedef struct hw_cell_inputs {
     hw_far_options far;
     double near_error_px;
     uint64_t key;
+    const uint32_t *order; // in which objects are taken; NULL: as they come. Changes no result
+    bool backwards;        // takes them in the reverse order
+    hw_budget *budget;     // NULL: no bound of memory
 } hw_cell_inputs;
 
 // Level of the mesh file to draw a near object with at a distance: the coarsest one whose surface
@@ -20,5 +29,6 @@ typedef struct hw_cell_inputs {
 uint32_t hw_near_level(const hw_chain *chain, double scale, double distance, double focal_px,
                        double error_px);
 
-// Thread-safe. Free with hw_cell_free.
-HW_MUST_USE hw_status hw_build_cell(const hw_cell_inputs *inputs, hw_cell_id id, hw_cell *out);
+// Thread-safe. Free with hw_cell_free. Adds to *seconds.
+HW_MUST_USE hw_status hw_build_cell(const hw_cell_inputs *inputs, hw_cell_id id, hw_cell *out,
+                                    hw_cell_seconds *seconds);

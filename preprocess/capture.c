@@ -2,6 +2,7 @@
 #include "alloc.h"
 #include "appearance.h"
 #include "image_io.h"
+#include "system.h"
 #include <assert.h>
 
 struct hw_capturer {
@@ -239,11 +240,20 @@ static hw_status set_up_job(row_job *job, const hw_capturer *capturer, uint32_t 
 
 #define SIDE_MAX 32768
 
+static _Thread_local double thread_ms;
+
+double hw_capture_thread_seconds(void)
+{
+    return thread_ms / 1000;
+}
+
 hw_status hw_capture_object(const hw_capturer *capturer, uint32_t object_idx,
                             const hw_capture_window *window, uint32_t samples, hw_capture *out)
 {
     hw_status status = HW_OK;
     row_job job = {0};
+    bool pinned = false;
+    double start = hw_clock_ms();
     *out = (hw_capture){0};
     assert(object_idx < capturer->scene->object_count);
     assert(samples >= 1 && samples <= HW_CAPTURE_SAMPLES_MAX);
@@ -257,13 +267,18 @@ hw_status hw_capture_object(const hw_capturer *capturer, uint32_t object_idx,
     out->height = window->height;
     HW_GO(HW_NEW(&out->colors, (size_t)out->width * out->height));
     HW_GO(HW_NEW(&out->depths, (size_t)out->width * out->height));
+    HW_GO(hw_rays_pin(capturer->rays, object_idx));
+    pinned = true;
     for (uint32_t j = 0; j < out->height; j++)
         capture_row(&job, j, out);
 out:
+    if (pinned)
+        hw_rays_unpin(capturer->rays, object_idx);
     hw_free(job.directions);
     hw_free(job.hits);
     if (status != HW_OK)
         hw_capture_free(out);
+    thread_ms += hw_clock_ms() - start;
     return status;
 }
 

@@ -45,6 +45,9 @@ HW_MUST_USE hw_status hw_capture_object(const hw_capturer *capturer, uint32_t ob
                                         const hw_capture_window *window, uint32_t samples,
                                         hw_capture *out);
 
+// How long the calling thread has spent in hw_capture_object so far.
+double hw_capture_thread_seconds(void);
+
 // Spreads colours `texels` (at most 254) steps outwards into uncovered texels, each the mean of its
 // filled neighbours (of eight), so that neither bilinear filtering nor a mesh that exceeds the
 // original's outline meets the background. Their a stays 0 and their depth INFINITY.

@@ -3,13 +3,33 @@
 #include "parallel.h"
 #include <assert.h>
 #include <embree3/rtcore.h>
+#include <pthread.h>
 #include <string.h>
 
 // Where an object's own mesh lies: its scene, and the way from world to mesh space.
 typedef struct object_place {
-    RTCScene scene;
+    uint32_t mesh_idx;
     hw_mat4 inverse;
 } object_place;
+
+typedef struct tree {
+    uint32_t pins;
+    bool building;
+    uint64_t used; // by the clock of the pager
+} tree;
+
+// Of paged scenes: which trees stand (mesh_scenes) and which are needed.
+typedef struct pager {
+    hw_rays_memory memory;
+    const hw_scene *scene;
+    pthread_mutex_t mutex; // guards what follows, and mesh_scenes of what is not pinned
+    pthread_cond_t built;
+    tree *trees;
+    uint64_t clock, builds;
+    uint32_t pins;
+} pager;
+
+#define BUILD_BYTES 300u // of a tree and of its building, per triangle: measured, on the safe side
 
 struct hw_rays {
     RTCDevice device;
@@ -20,6 +40,7 @@ struct hw_rays {
     object_place *places; // one per object
     uint32_t object_count;
     const hw_mesh *mesh; // of hw_rays_create_mesh, else NULL
+    pager *pager;        // of hw_rays_create_paged, else NULL
 };
 
 static hw_status check_device(RTCDevice device, const char *what)
@@ -79,7 +100,7 @@ hw_status hw_rays_create_mesh(hw_rays **out, const hw_mesh *mesh)
     rays->mesh_count = 1;
     HW_GO(create_mesh_scene(rays->device, mesh, &rays->mesh_scenes[0]));
     HW_GO(HW_NEW(&rays->places, 1));
-    rays->places[0] = (object_place){rays->mesh_scenes[0], hw_mat4_identity()};
+    rays->places[0] = (object_place){0, hw_mat4_identity()};
     rays->object_count = 1;
     rays->top = rays->mesh_scenes[0];
     rays->mesh = mesh;
@@ -108,14 +129,21 @@ static hw_status build_mesh(void *context, uint64_t index, uint32_t thread)
                              &job->rays->mesh_scenes[index]);
 }
 
-static hw_status attach_object(hw_rays *rays, const hw_scene *scene, uint32_t object_idx)
+static hw_status place_object(hw_rays *rays, const hw_scene *scene, uint32_t object_idx)
 {
     const hw_object *object = &scene->objects[object_idx];
     object_place *place = &rays->places[object_idx];
-    place->scene = rays->mesh_scenes[object->mesh_idx];
+    place->mesh_idx = object->mesh_idx;
     if (!hw_mat4_inverse(object->transform, &place->inverse))
         return hw_fail(HW_FORMAT, "%s: object %u: its transform is singular",
                        scene->path ? scene->path : "scene", object_idx);
+    return HW_OK;
+}
+
+static hw_status attach_object(hw_rays *rays, const hw_scene *scene, uint32_t object_idx)
+{
+    const hw_object *object = &scene->objects[object_idx];
+    HW_TRY(place_object(rays, scene, object_idx));
     float columns[12];
     for (int column = 0; column < 4; column++)
         for (int row = 0; row < 3; row++)
@@ -123,7 +151,7 @@ static hw_status attach_object(hw_rays *rays, const hw_scene *scene, uint32_t ob
     RTCGeometry geometry = rtcNewGeometry(rays->device, RTC_GEOMETRY_TYPE_INSTANCE);
     if (!geometry)
         return check_device(rays->device, "an instance");
-    rtcSetGeometryInstancedScene(geometry, place->scene);
+    rtcSetGeometryInstancedScene(geometry, rays->mesh_scenes[object->mesh_idx]);
     rtcSetGeometryTransform(geometry, 0, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, columns);
     rtcCommitGeometry(geometry);
     rtcAttachGeometryByID(rays->top, geometry, object_idx);
@@ -161,6 +189,128 @@ out:
     return status;
 }
 
+// ---- paged scenes ----
+
+hw_status hw_rays_create_paged(hw_rays **out, const hw_scene *scene, const hw_rays_memory *memory)
+{
+    hw_status status = HW_OK;
+    hw_rays *rays = NULL;
+    *out = NULL;
+    HW_GO(HW_NEW(&rays, 1));
+    HW_GO(HW_NEW(&rays->pager, 1));
+    rays->pager->memory = *memory;
+    rays->pager->scene = scene;
+    pthread_mutex_init(&rays->pager->mutex, NULL);
+    pthread_cond_init(&rays->pager->built, NULL);
+    HW_GO(create_device(rays));
+    HW_GO(HW_NEW(&rays->pager->trees, scene->mesh_count));
+    HW_GO(HW_NEW(&rays->mesh_scenes, scene->mesh_count));
+    rays->mesh_count = scene->mesh_count;
+    HW_GO(HW_NEW(&rays->places, scene->object_count));
+    rays->object_count = scene->object_count;
+    for (uint32_t i = 0; i < scene->object_count; i++)
+        HW_GO(place_object(rays, scene, i));
+    *out = rays;
+    rays = NULL;
+out:
+    hw_rays_destroy(rays);
+    return status;
+}
+
+static hw_status build_tree(const hw_rays *rays, uint32_t mesh_idx, RTCScene *out)
+{
+    pager *p = rays->pager;
+    const hw_mesh *mesh = &p->scene->meshes[mesh_idx];
+    uint64_t bytes = (uint64_t)mesh->index_count / 3 * BUILD_BYTES;
+    *out = NULL;
+    HW_TRY(p->memory.reserve(p->memory.context, bytes));
+    hw_status status = create_mesh_scene(rays->device, mesh, out);
+    p->memory.release(p->memory.context, bytes);
+    if (status != HW_OK && *out) {
+        rtcReleaseScene(*out);
+        *out = NULL;
+    }
+    return status;
+}
+
+hw_status hw_rays_pin(const hw_rays *rays, uint32_t object_idx)
+{
+    pager *p = rays->pager;
+    if (!p)
+        return HW_OK;
+    uint32_t m = rays->places[object_idx].mesh_idx;
+    hw_status status = HW_OK;
+    pthread_mutex_lock(&p->mutex);
+    while (p->trees[m].building)
+        pthread_cond_wait(&p->built, &p->mutex);
+    if (!rays->mesh_scenes[m]) {
+        RTCScene built;
+        p->trees[m].building = true;
+        pthread_mutex_unlock(&p->mutex);
+        status = build_tree(rays, m, &built);
+        pthread_mutex_lock(&p->mutex);
+        rays->mesh_scenes[m] = built;
+        p->trees[m].building = false;
+        p->builds += status == HW_OK;
+        pthread_cond_broadcast(&p->built);
+    }
+    if (status == HW_OK) {
+        p->trees[m].pins++;
+        p->pins++;
+        p->trees[m].used = ++p->clock;
+    }
+    pthread_mutex_unlock(&p->mutex);
+    return status;
+}
+
+void hw_rays_unpin(const hw_rays *rays, uint32_t object_idx)
+{
+    pager *p = rays->pager;
+    if (!p)
+        return;
+    pthread_mutex_lock(&p->mutex);
+    p->trees[rays->places[object_idx].mesh_idx].pins--;
+    p->pins--;
+    pthread_mutex_unlock(&p->mutex);
+}
+
+bool hw_rays_evict(hw_rays *rays)
+{
+    pager *p = rays->pager;
+    uint32_t oldest = UINT32_MAX;
+    pthread_mutex_lock(&p->mutex);
+    for (uint32_t m = 0; m < rays->mesh_count; m++)
+        if (rays->mesh_scenes[m] && p->trees[m].pins == 0 &&
+            (oldest == UINT32_MAX || p->trees[m].used < p->trees[oldest].used))
+            oldest = m;
+    if (oldest != UINT32_MAX) {
+        rtcReleaseScene(rays->mesh_scenes[oldest]);
+        rays->mesh_scenes[oldest] = NULL;
+    }
+    pthread_mutex_unlock(&p->mutex);
+    return oldest != UINT32_MAX;
+}
+
+uint32_t hw_rays_pins(const hw_rays *rays)
+{
+    if (!rays->pager)
+        return 0;
+    pthread_mutex_lock(&rays->pager->mutex);
+    uint32_t pins = rays->pager->pins;
+    pthread_mutex_unlock(&rays->pager->mutex);
+    return pins;
+}
+
+uint64_t hw_rays_builds(const hw_rays *rays)
+{
+    if (!rays->pager)
+        return rays->mesh_count;
+    pthread_mutex_lock(&rays->pager->mutex);
+    uint64_t builds = rays->pager->builds;
+    pthread_mutex_unlock(&rays->pager->mutex);
+    return builds;
+}
+
 void hw_rays_destroy(hw_rays *rays)
 {
     if (!rays)
@@ -170,6 +320,12 @@ void hw_rays_destroy(hw_rays *rays)
     for (uint32_t i = 0; i < rays->mesh_count; i++)
         if (rays->mesh_scenes[i])
             rtcReleaseScene(rays->mesh_scenes[i]);
+    if (rays->pager) {
+        pthread_cond_destroy(&rays->pager->built);
+        pthread_mutex_destroy(&rays->pager->mutex);
+        hw_free(rays->pager->trees);
+        hw_free(rays->pager);
+    }
     if (rays->device)
         rtcReleaseDevice(rays->device);
     hw_free(rays->mesh_scenes);
@@ -211,6 +367,7 @@ static hw_hit cast(RTCScene scene, hw_vec3 origin, hw_vec3 direction, float t_mi
 hw_hit hw_rays_cast(const hw_rays *rays, hw_vec3 origin, hw_vec3 direction, float t_min,
                     float t_max)
 {
+    assert(rays->top);
     return cast(rays->top, origin, direction, t_min, t_max);
 }
 
@@ -220,7 +377,7 @@ hw_hit hw_rays_cast_object(const hw_rays *rays, uint32_t object_idx, hw_vec3 ori
     assert(object_idx < rays->object_count);
     const object_place *place = &rays->places[object_idx];
     // The direction keeps its length in the sense of the map, so t is the same in both spaces.
-    hw_hit hit = cast(place->scene, hw_mat4_point(&place->inverse, origin),
+    hw_hit hit = cast(rays->mesh_scenes[place->mesh_idx], hw_mat4_point(&place->inverse, origin),
                       hw_mat4_direction(&place->inverse, direction), t_min, t_max);
     hit.object_idx = object_idx;
     return hit;
@@ -290,7 +447,7 @@ void hw_rays_cast_object_many(const hw_rays *rays, uint32_t object_idx, hw_vec3 
                 local = hw_mat4_direction(&place->inverse, directions[first + i]);
             set_packet_ray(&packet, i, local_origin, local, t_max);
         }
-        cast_packet(place->scene, &context, &packet, n, hits + first);
+        cast_packet(rays->mesh_scenes[place->mesh_idx], &context, &packet, n, hits + first);
         for (uint32_t i = 0; i < n; i++)
             hits[first + i].object_idx = object_idx;
     }
@@ -315,6 +472,7 @@ void hw_rays_cast_parallel(const hw_rays *rays, const hw_vec3 *origins, hw_vec3 
 bool hw_rays_occluded(const hw_rays *rays, hw_vec3 origin, hw_vec3 direction, float t_min,
                       float t_max)
 {
+    assert(rays->top);
     struct RTCIntersectContext context;
     rtcInitIntersectContext(&context);
     struct RTCRay ray = make_ray(origin, direction, t_min, t_max);

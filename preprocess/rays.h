@@ -9,6 +9,28 @@ typedef struct hw_rays hw_rays;
 HW_MUST_USE hw_status hw_rays_create_mesh(hw_rays **out, const hw_mesh *mesh);
 // A whole scene, instanced: hits give the object. Borrows the scene.
 HW_MUST_USE hw_status hw_rays_create_scene(hw_rays **out, const hw_scene *scene);
+
+// Who is asked for memory before the tree of a mesh is built, and told once it stands.
+typedef struct hw_rays_memory {
+    void *context;
+    hw_status (*reserve)(void *context, uint64_t bytes); // about what the build needs at its peak
+    void (*release)(void *context, uint64_t bytes);
+} hw_rays_memory;
+// A whole scene, of which a mesh's tree is built when it is pinned and may go when it is not. The
+// hits on an object are those of hw_rays_create_scene; there is no tree of all objects, so
+// hw_rays_cast and hw_rays_occluded must not be called. Borrows the scene.
+HW_MUST_USE hw_status hw_rays_create_paged(hw_rays **out, const hw_scene *scene,
+                                           const hw_rays_memory *memory);
+// Before and after rays are cast against an object: its mesh's tree stays meanwhile. Nothing to do
+// but with paged scenes. Thread-safe.
+HW_MUST_USE hw_status hw_rays_pin(const hw_rays *rays, uint32_t object_idx);
+void hw_rays_unpin(const hw_rays *rays, uint32_t object_idx);
+// Frees the least recently used tree that is not pinned; false if there is none. Thread-safe.
+bool hw_rays_evict(hw_rays *rays);
+// How many pins are held. Thread-safe.
+uint32_t hw_rays_pins(const hw_rays *rays);
+// Trees built so far. Thread-safe.
+uint64_t hw_rays_builds(const hw_rays *rays);
 void hw_rays_destroy(hw_rays *rays);
 // The mesh of hw_rays_create_mesh, NULL for a scene.
 const hw_mesh *hw_rays_mesh(const hw_rays *rays);

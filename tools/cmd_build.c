@@ -8,7 +8,7 @@
 #include <string.h>
 
 static const char *output, *json_file, *policy = "screen", *shard, *heights = "8:16";
-static uint64_t threads, levels = 1, texture_side = 1024;
+static uint64_t threads, memory, levels = 1, texture_side = 1024;
 static double cell_size = 50, self_occlusion, edge_length = 4.5, near_error = 0.3,
               outline_error = 0.09, interior_error = 5;
 static atomic_bool stop;
@@ -43,7 +43,11 @@ static uint32_t options(hw_option *out, uint32_t capacity)
         {"threads", 0, HW_OPTION_UINT, &threads, "N", NULL, 0, 1024,
          "threads; 0 means one per processor"},
         {"shard", 0, HW_OPTION_STRING, &shard, "K/N", NULL, 0, 0,
-         "make only every N-th cell, beginning with the K-th (K from 1)"},
+         "make only every N-th cell and near mesh, beginning with the K-th (K from 1); 'hexwalk "
+         "merge' joins shards that were made in different folders"},
+        {"memory", 0, HW_OPTION_BYTES, &memory, "BYTES", NULL, 0, 0,
+         "bound of the memory used, such as 500M or 2G: what does not fit waits in a scratch file "
+         "in the dataset's folder; 0 means none"},
         {"json", 0, HW_OPTION_STRING, &json_file, "FILE", NULL, 0, 0, "write the figures as JSON"},
     };
     uint32_t count = sizeof table / sizeof *table;
@@ -84,6 +88,7 @@ static hw_status read_options(const char *scene, hw_build_options *o)
     o->levels = (int32_t)levels;
     o->near_error_px = near_error;
     o->threads = (uint32_t)threads;
+    o->memory_bytes = memory;
     o->far.policy = hw_policy_find(policy);
     o->far.edge_length_px = edge_length;
     o->far.outline_px = outline_error;
@@ -113,13 +118,25 @@ static void print_report(const hw_build_report *r)
     printf("bytes      %.1f MB: %.1f meshes, %.1f textures, %.1f near objects\n",
            (double)r->bytes / 1e6, (double)r->mesh_bytes / 1e6, (double)r->texture_bytes / 1e6,
            (double)r->near_bytes / 1e6);
-    printf("seconds    %.1f: import %.1f, levels of detail %.1f, near meshes %.1f, cells %.1f\n",
-           r->total_seconds, r->import_seconds, r->chain_seconds, r->mesh_seconds, r->cell_seconds);
-    printf("memory     %.0f MB at the peak\n", (double)hw_rss_peak_bytes() / 1e6);
-    if (r->cells_missing > 0)
+    printf(
+        "seconds    %.1f: import %.1f, levels of detail %.1f, near meshes %.1f, rays %.1f, cells "
+        "%.1f\n",
+        r->total_seconds, r->import_seconds, r->chain_seconds, r->mesh_seconds, r->rays_seconds,
+        r->cell_seconds);
+    if (r->cells_made > 0)
         printf(
-            "unfinished %u cells are left to other shards; run any shard again once all are done\n",
-            r->cells_missing);
+            "           of all threads in cells: classify %.1f, simplify %.1f, capture %.1f, pack "
+            "%.1f, write %.1f\n",
+            r->cell_parts.classify, r->cell_parts.simplify, r->cell_parts.capture,
+            r->cell_parts.pack, r->cell_write_seconds);
+    printf("memory     %.0f MB at the peak\n", (double)hw_rss_peak_bytes() / 1e6);
+    if (r->scratch_bytes > 0)
+        printf("           %.0f MB in a scratch file, ray trees built %llu times\n",
+               (double)r->scratch_bytes / 1e6, (unsigned long long)r->tree_builds);
+    if (r->cells_missing + r->meshes_missing > 0)
+        printf("unfinished %u cells and %u meshes are left to other shards: make them in this "
+               "folder too, or join them by 'hexwalk merge'\n",
+               r->cells_missing, r->meshes_missing);
 }
 
 static hw_status write_json(const hw_build_report *r, const cJSON *used)
@@ -132,12 +149,21 @@ static hw_status write_json(const hw_build_report *r, const cJSON *used)
         {"import_seconds", r->import_seconds},
         {"chain_seconds", r->chain_seconds},
         {"mesh_seconds", r->mesh_seconds},
+        {"rays_seconds", r->rays_seconds},
         {"cell_seconds", r->cell_seconds},
+        {"cell_classify_thread_seconds", r->cell_parts.classify},
+        {"cell_simplify_thread_seconds", r->cell_parts.simplify},
+        {"cell_capture_thread_seconds", r->cell_parts.capture},
+        {"cell_pack_thread_seconds", r->cell_parts.pack},
+        {"cell_write_thread_seconds", r->cell_write_seconds},
         {"total_seconds", r->total_seconds},
         {"cells_total", r->cells_total},
         {"cells_made", r->cells_made},
         {"cells_kept", r->cells_kept},
         {"cells_missing", r->cells_missing},
+        {"meshes_missing", r->meshes_missing},
+        {"scratch_bytes", (double)r->scratch_bytes},
+        {"tree_builds", (double)r->tree_builds},
         {"bytes", (double)r->bytes},
         {"mesh_bytes", (double)r->mesh_bytes},
         {"texture_bytes", (double)r->texture_bytes},
@@ -188,7 +214,10 @@ const hw_command hw_cmd_build = {
                    "interrupted, by Ctrl-C or otherwise, "
                    "goes on where it stopped when the same command is given again. The same scene "
                    "and options give the same bytes with "
-                   "any number of threads and any split into shards.",
+                   "any number of threads, any split into shards and any bound of memory.\n\n"
+                   "Shards of one dataset may be made one after another or at the same time, by "
+                   "several machines: in one folder, which is a dataset once the last shard is "
+                   "done, or in a folder each, which 'hexwalk merge' joins.",
     .options = options,
     .positional_min = 1,
     .positional_max = 1,

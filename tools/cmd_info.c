@@ -1,31 +1,43 @@
 // hexwalk info: what is in a scene, dataset, cell, mesh, progressive mesh or tour. One JSON object
 // serves both the file and what is printed.
 #include "bytes.h"
-#include "cell_file.h"
+#include "cell_chunks.h"
 #include "file.h"
+#include "image_io.h"
 #include "import.h"
 #include "json.h"
 #include "manifest.h"
+#include "map.h"
 #include "mesh_file.h"
 #include "options.h"
 #include "progressive_file.h"
 #include "tour.h"
+#include <math.h>
 #include <string.h>
 #include <sys/stat.h>
 
-#define ROWS_SHOWN 40
+#define ROWS_SHOWN     40
+#define NARROW_COLUMNS 7
 
-static const char *json_file;
+static const char *json_file, *map_file, *map_by = "bytes";
+static uint64_t map_side = 1200;
 
 static uint32_t options(hw_option *out, uint32_t capacity)
 {
-    if (capacity > 0)
-        out[0] = (hw_option){.name = "json",
-                             .type = HW_OPTION_STRING,
-                             .value = &json_file,
-                             .metavar = "FILE",
-                             .help = "write the same as JSON, complete and unabridged"};
-    return 1;
+    const hw_option table[] = {
+        {"json", 0, HW_OPTION_STRING, &json_file, "FILE", NULL, 0, 0,
+         "write the same as JSON, complete and unabridged"},
+        {"map", 0, HW_OPTION_STRING, &map_file, "OUT.png", NULL, 0, 0,
+         "of a dataset: draw its cells from above, dark where they hold little and bright where "
+         "they hold much; objects are dots"},
+        {"map-by", 0, HW_OPTION_CHOICE, &map_by, "WHAT", HW_MAP_QUANTITIES, 0, 0,
+         "what the colours of the map tell: bytes, triangles of far objects, or how many objects "
+         "are far or near"},
+        {"map-side", 0, HW_OPTION_UINT, &map_side, "PX", NULL, 64, 16384, "longer side of the map"},
+    };
+    uint32_t count = sizeof table / sizeof *table;
+    memcpy(out, table, (count < capacity ? count : capacity) * sizeof *table);
+    return count;
 }
 
 // --- Gathering ----------------------------------------------------------------------------------
@@ -99,6 +111,26 @@ static hw_status describe_scene(const char *path, cJSON *json)
     return HW_OK;
 }
 
+static hw_status draw_map(const char *path, const hw_manifest *m, cJSON *json)
+{
+    hw_image image = {0};
+    hw_map_legend legend;
+    hw_status status = hw_map_draw(path, m, map_by, (uint32_t)map_side, &image, &legend);
+    if (status == HW_OK)
+        status = hw_image_write(map_file, &image);
+    hw_image_free(&image);
+    HW_TRY(status);
+    cJSON_AddStringToObject(json, "map", map_file);
+    cJSON_AddStringToObject(json, "map_by", map_by);
+    hw_json_add_number(json, "map_darkest", legend.least);
+    hw_json_add_number(json, "map_mean", legend.mean);
+    hw_json_add_number(json, "map_brightest", legend.most);
+    add_integer(json, "map_cells", legend.cells);
+    if (legend.missing > 0)
+        add_integer(json, "map_grey_cells", legend.missing);
+    return HW_OK;
+}
+
 static hw_status describe_dataset(const char *path, cJSON *json)
 {
     hw_manifest m = {0};
@@ -129,8 +161,68 @@ static hw_status describe_dataset(const char *path, cJSON *json)
     hw_json_add_number(json, "near_error_px", m.near_error_px);
     hw_json_add_number(json, "build_seconds", m.build_seconds);
     add_hex(json, "key", m.key);
+    hw_status status = map_file ? draw_map(path, &m, json) : HW_OK;
     hw_manifest_free(&m);
+    return status;
+}
+
+// What each chunk takes in the file and once unpacked.
+static hw_status add_chunk_rows(cJSON *json, const char *path)
+{
+    static const struct {
+        const char *name;
+        uint32_t tag;
+    } chunks[] = {
+#define X(name, tag) {#name, tag},
+        HW_CELL_CHUNK_LIST(X)
+#undef X
+    };
+    hw_container *container = NULL;
+    HW_TRY(hw_container_open(&container, path, HW_CELL_MAGIC));
+    cJSON *rows = cJSON_AddArrayToObject(json, "chunk_list");
+    for (size_t i = 0; i < sizeof chunks / sizeof *chunks; i++) {
+        size_t raw = 0, stored = 0;
+        if (hw_container_chunk_size(container, chunks[i].tag, 0, &raw, &stored) != HW_OK)
+            continue;
+        cJSON *row = cJSON_CreateObject();
+        cJSON_AddItemToArray(rows, row);
+        cJSON_AddStringToObject(row, "chunk", chunks[i].name);
+        add_integer(row, "bytes", stored);
+        add_integer(row, "unpacked", raw);
+    }
+    hw_container_close(container);
     return HW_OK;
+}
+
+static void add_near_rows(cJSON *json, const hw_cell *cell)
+{
+    cJSON *rows = cJSON_AddArrayToObject(json, "near_list");
+    for (uint32_t i = 0; i < cell->near_count; i++) {
+        cJSON *row = cJSON_CreateObject();
+        cJSON_AddItemToArray(rows, row);
+        add_integer(row, "object", cell->near[i].object_idx);
+        add_integer(row, "level", cell->near[i].level);
+    }
+}
+
+static void add_far_rows(cJSON *json, const hw_cell *cell)
+{
+    cJSON *rows = cJSON_AddArrayToObject(json, "far_list");
+    for (uint32_t i = 0; i < cell->far_count; i++) {
+        const hw_far_record *far = &cell->far[i];
+        hw_vec3 away = hw_v3_sub(hw_box_centre(far->bounds), cell->centre);
+        cJSON *row = cJSON_CreateObject();
+        cJSON_AddItemToArray(rows, row);
+        add_integer(row, "object", far->object_idx);
+        add_integer(row, "face", far->face);
+        hw_json_add_number(row, "distance", floor((double)hw_v3_length(away)));
+        add_integer(row, "triangles", far->index_count / 3);
+        add_integer(row, "vertices", far->vertex_count);
+        add_integer(row, "x", far->rect.x);
+        add_integer(row, "y", far->rect.y);
+        add_integer(row, "width", far->rect.width);
+        add_integer(row, "height", far->rect.height);
+    }
 }
 
 static hw_status describe_cell(const char *path, cJSON *json)
@@ -149,8 +241,13 @@ static hw_status describe_cell(const char *path, cJSON *json)
     add_integer(json, "atlas_width", cell.atlas_width);
     add_integer(json, "atlas_height", cell.atlas_height);
     add_hex(json, "key", cell.key);
+    hw_status status = add_chunk_rows(json, path);
+    if (cell.near_count > 0)
+        add_near_rows(json, &cell);
+    if (cell.far_count > 0)
+        add_far_rows(json, &cell);
     hw_cell_free(&cell);
-    return HW_OK;
+    return status;
 }
 
 static hw_status describe_mesh(const char *path, cJSON *json)
@@ -306,6 +403,8 @@ static hw_status describe(const char *path, cJSON *json)
     uint32_t magic = 0;
     if (stat(path, &info) == 0 && S_ISDIR(info.st_mode))
         return describe_dataset(path, json);
+    if (map_file)
+        return hw_fail(HW_USAGE, "--map is for datasets, and %s is none", path);
     HW_TRY(read_magic(path, &magic));
     if (magic == HW_CELL_MAGIC || has_extension(path, ".hxc"))
         return describe_cell(path, json);
@@ -361,11 +460,13 @@ static void print_table(const cJSON *rows)
     const cJSON *row, *item;
     char text[512];
     int shown = 0, count = cJSON_GetArraySize(rows);
+    bool narrow = cJSON_GetArraySize(rows->child) > NARROW_COLUMNS;
+    int first = narrow ? -10 : -24, other = narrow ? 10 : 16;
     printf("\n");
     cJSON_ArrayForEach(item, rows->child)
     {
         format_key(item->string, text, sizeof text);
-        printf("  %*s", item == rows->child->child ? -24 : 16, text);
+        printf("  %*s", item == rows->child->child ? first : other, text);
     }
     printf("\n");
     cJSON_ArrayForEach(row, rows)
@@ -375,7 +476,7 @@ static void print_table(const cJSON *rows)
         cJSON_ArrayForEach(item, row)
         {
             format_item(item, text, sizeof text);
-            printf("  %*s", item == row->child ? -24 : 16, text);
+            printf("  %*s", item == row->child ? first : other, text);
         }
         printf("\n");
     }

@@ -172,6 +172,35 @@ static hw_status store_size(const hw_option *option, const char *text)
     return HW_OK;
 }
 
+// What a unit behind a number of bytes stands for; 0 if it is none.
+static double unit_bytes(const char *unit)
+{
+    static const char letters[] = "KMGT";
+    double bytes = 1;
+    const char *letter = *unit ? strchr(letters, *unit & ~0x20) : NULL; // in lower case too
+    if (letter) {
+        bool binary = unit[1] == 'i';
+        unit += binary ? 2 : 1;
+        for (long k = letter - letters; k >= 0; k--)
+            bytes *= binary ? 1024 : 1000;
+    }
+    return !*unit || !strcmp(unit, "B") ? bytes : 0;
+}
+
+static hw_status store_bytes(const hw_option *option, const char *text)
+{
+    char *end = NULL;
+    double value = *text >= '0' && *text <= '9' ? strtod(text, &end) : 0;
+    double bytes = end ? value * unit_bytes(end) : 0;
+    // strtod also reads hexadecimal numbers and exponents.
+    if (!end || strspn(text, "0123456789.") != (size_t)(end - text) || unit_bytes(end) == 0 ||
+        !(bytes <= 1e18))
+        return fail_value(option, text, "a number of bytes such as 500M or 2G");
+    HW_TRY(check_bounds(option, text, bytes));
+    *(uint64_t *)option->value = (uint64_t)bytes;
+    return HW_OK;
+}
+
 static hw_status store(const hw_option *option, const char *text)
 {
     switch (option->type) {
@@ -189,6 +218,8 @@ static hw_status store(const hw_option *option, const char *text)
         return store_double(option, text);
     case HW_OPTION_SIZE:
         return store_size(option, text);
+    case HW_OPTION_BYTES:
+        return store_bytes(option, text);
     case HW_OPTION_CHOICE:
         if (!is_choice(option->choices, text))
             return hw_fail(HW_USAGE, "--%s: '%s' is not one of %s", option->name, text,
@@ -315,6 +346,10 @@ static bool format_value(const hw_option *o, char *out, size_t size)
         text = *(const char *const *)o->value;
         snprintf(out, size, "%s", text ? text : "");
         return text && *text;
+    case HW_OPTION_BYTES:
+        if (*(const uint64_t *)o->value == 0)
+            return false;
+        // fallthrough
     case HW_OPTION_UINT:
         snprintf(out, size, "%llu", *(const unsigned long long *)o->value);
         return true;
@@ -540,6 +575,7 @@ static void add_value(cJSON *json, const hw_option *o)
             cJSON_AddNullToObject(json, o->name);
         break;
     case HW_OPTION_UINT:
+    case HW_OPTION_BYTES:
         cJSON_AddNumberToObject(json, o->name, (double)*(const uint64_t *)o->value);
         break;
     case HW_OPTION_DOUBLE:

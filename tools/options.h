@@ -13,6 +13,7 @@ typedef enum hw_option_type {
     HW_OPTION_UINT,   // uint64_t *
     HW_OPTION_DOUBLE, // double * ; must be finite
     HW_OPTION_SIZE,   // uint32_t[2], "1024x1024"
+    HW_OPTION_BYTES,  // uint64_t *, "500M", "2G": K, M, G, T are powers of 1000, Ki ... of 1024
     HW_OPTION_CHOICE, // const char **, one of `choices` separated by '|'
 } hw_option_type;
 
@@ -40,7 +41,7 @@ typedef struct hw_command {
 
 // Each in its own cmd_<name>.c.
 extern const hw_command hw_cmd_park, hw_cmd_build, hw_cmd_tour, hw_cmd_walk, hw_cmd_render,
-    hw_cmd_measure, hw_cmd_compare, hw_cmd_simplify, hw_cmd_info;
+    hw_cmd_measure, hw_cmd_compare, hw_cmd_simplify, hw_cmd_info, hw_cmd_merge;
 // All commands, in the order of help; ends with NULL.
 extern const hw_command *const hw_commands[];
 

@@ -78,6 +78,21 @@ static void lines_are_written_whole(void **state)
     hw_free(text);
 }
 
+// What needs not be done leaves the total.
+static void skipped_work_does_not_count(void **state)
+{
+    (void)state;
+    hw_progress *progress = NULL;
+    capture();
+    assert_int_equal(hw_progress_create(&progress, "cells", 500), HW_OK);
+    hw_progress_skip(progress, 480);
+    hw_progress_add(progress, 20);
+    hw_progress_destroy(progress);
+    char *text = captured();
+    assert_non_null(strstr(text, "hexwalk: cells: 20 of 20 in 0:0"));
+    hw_free(text);
+}
+
 static void quiet_writes_nothing(void **state)
 {
     (void)state;
@@ -129,6 +144,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(lines_are_written_whole),
+        cmocka_unit_test(skipped_work_does_not_count),
         cmocka_unit_test(quiet_writes_nothing),
         cmocka_unit_test(terminals_get_a_bar),
     };

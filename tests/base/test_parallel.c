@@ -140,6 +140,50 @@ static void stop_interrupts(void **state)
     assert_int_equal(hw_parallel_for(COUNT, 1, stop_in_the_middle, &all, &all.stop), HW_OK);
 }
 
+typedef struct nest {
+    _Atomic uint32_t calls, working, most;
+    uint32_t inner_count;
+} nest;
+
+static hw_status inner_call(void *context, uint64_t index, uint32_t thread)
+{
+    nest *n = context;
+    uint32_t now = atomic_fetch_add(&n->working, 1) + 1, most = atomic_load(&n->most);
+    while (now > most && !atomic_compare_exchange_weak(&n->most, &most, now))
+        ;
+    assert_true(index < n->inner_count && thread < 4);
+    atomic_fetch_add(&n->calls, 1);
+    for (volatile int i = 0; i < 20000; i++)
+        ;
+    atomic_fetch_sub(&n->working, 1);
+    return HW_OK;
+}
+
+static hw_status outer_call(void *context, uint64_t index, uint32_t thread)
+{
+    (void)index;
+    (void)thread;
+    nest *n = context;
+    return hw_parallel_for(n->inner_count, 4, inner_call, n, NULL);
+}
+
+// However many indices the outer loop has, all inner ones are called, by no more threads than the
+// outer loop was given.
+static void loops_within_share_the_threads(void **state)
+{
+    (void)state;
+    for (uint32_t outer = 1; outer <= 9; outer++) {
+        nest n = {.inner_count = 50};
+        assert_int_equal(hw_parallel_for(outer, outer, outer_call, &n, NULL), HW_OK);
+        assert_int_equal(n.calls, 50 * outer);
+        assert_true(n.most >= 1 && n.most <= outer);
+        nest free = {.inner_count = 50}; // with threads that have no index of the outer loop
+        assert_int_equal(hw_parallel_for(outer, 4, outer_call, &free, NULL), HW_OK);
+        assert_int_equal(free.calls, 50 * outer);
+        assert_true(free.most <= 4);
+    }
+}
+
 static void running_out_of_memory(void **state)
 {
     (void)state;
@@ -158,6 +202,7 @@ int main(void)
         cmocka_unit_test(one_thread_goes_in_order),
         cmocka_unit_test(the_lowest_failure_is_returned),
         cmocka_unit_test(stop_interrupts),
+        cmocka_unit_test(loops_within_share_the_threads),
         cmocka_unit_test(running_out_of_memory),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -482,6 +482,30 @@ static void test_record_matrix(void **state)
     }
 }
 
+// The head alone: the same counts, no arrays, and errors for what is no cell.
+static void test_counts(void **state)
+{
+    (void)state;
+    hw_cell cell, counts;
+    fixture_cell(&cell, 3, 4, 4);
+    must(hw_cell_write(&cell, "counts.hxc"));
+    must(hw_cell_read_counts("counts.hxc", &counts));
+    assert_memory_equal(&cell.id, &counts.id, sizeof cell.id);
+    assert_true(cell.key == counts.key);
+    assert_int_equal(cell.near_count, counts.near_count);
+    assert_int_equal(cell.far_count, counts.far_count);
+    assert_int_equal(cell.vertex_count, counts.vertex_count);
+    assert_int_equal(cell.index_count, counts.index_count);
+    assert_null(counts.near);
+    assert_null(counts.vertices);
+    hw_cell_free(&cell);
+    must(hw_file_write("counts.hxc", "HXWC", 4));
+    assert_int_equal(hw_cell_read_counts("counts.hxc", &counts), HW_FORMAT);
+    assert_int_equal(counts.far_count, 0);
+    assert_int_equal(hw_cell_read_counts("no-such.hxc", &counts), HW_NOT_FOUND);
+    remove("counts.hxc");
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -497,6 +521,7 @@ int main(void)
         cmocka_unit_test(test_truncated_chunks),
         cmocka_unit_test(test_version_and_kind),
         cmocka_unit_test(test_record_matrix),
+        cmocka_unit_test(test_counts),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -4,10 +4,12 @@
 #include <setjmp.h>
 #include <stdint.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <cmocka.h>
 // clang-format on
 #include "checks.h"
 #include "json.h"
+#include "shard.h"
 
 #define FOLDER "manifest-set"
 #define PATH   FOLDER "/manifest.json"
@@ -320,13 +322,66 @@ static void test_json_memory(void **state)
     hw_manifest_free(&m);
 }
 
+// Shards come back in the order of their numbers, and only whole ones are datasets.
+static void test_shards(void **state)
+{
+    (void)state;
+    hw_manifest m, *back = NULL;
+    uint32_t count;
+    must(hw_dir_make("shard-set"));
+    must(hw_shards_read("shard-set", &back, &count));
+    assert_int_equal(count, 0);
+    hw_free(back);
+    fixture_manifest(&m, 5, 7);
+    m.shard_count = 12;
+    static const uint32_t made[] = {10, 0, 2};
+    for (int i = 0; i < 3; i++) {
+        m.shard_index = made[i];
+        must(hw_shard_write("shard-set", &m));
+    }
+    must(hw_file_write("shard-set/shard_03_of_12.json", "{}", 2)); // not a name of ours
+    must(hw_file_write("shard-set/shard_13_of_12.json", "{}", 2));
+    must(hw_shards_read("shard-set", &back, &count));
+    assert_int_equal(count, 3);
+    for (uint32_t i = 0; i < 3; i++) {
+        static const uint32_t order[] = {0, 2, 10};
+        assert_int_equal(back[i].shard_index, order[i]);
+        assert_int_equal(back[i].shard_count, 12);
+        assert_same(&m, &back[i]);
+        hw_manifest_free(&back[i]);
+    }
+    hw_free(back);
+    // A shard under the name of another, or of the whole.
+    must(hw_file_write("shard-set/shard_5_of_12.json", "{}", 2));
+    assert_int_equal(hw_shards_read("shard-set", &back, &count), HW_FORMAT);
+    assert_null(back);
+    assert_int_equal(system("cp shard-set/shard_1_of_12.json shard-set/shard_5_of_12.json && "
+                            "cp shard-set/shard_1_of_12.json shard-set/manifest.json"),
+                     0);
+    assert_int_equal(hw_shards_read("shard-set", &back, &count), HW_FORMAT);
+    assert_int_equal(read_set("shard-set"), HW_FORMAT);
+    must(hw_shards_remove("shard-set"));
+    must(hw_shards_read("shard-set", &back, &count));
+    assert_int_equal(count, 0);
+    hw_free(back);
+    assert_true(hw_path_exists("shard-set/shard_03_of_12.json"));
+    assert_int_equal(hw_shards_read("no-such-set", &back, &count), HW_NOT_FOUND);
+    hw_manifest_free(&m);
+    assert_int_equal(system("rm -r shard-set"), 0);
+    uint32_t owners = 0;
+    for (uint32_t k = 0; k < 3; k++)
+        owners += hw_shard_owns(k, 3, 100);
+    assert_int_equal(owners, 1);
+    assert_true(hw_shard_owns(0, 0, 5) && hw_shard_owns(0, 1, 5));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_round_trip),    cmocka_unit_test(test_cells_are_sorted),
         cmocka_unit_test(test_damage),        cmocka_unit_test(test_hostile_members),
         cmocka_unit_test(test_wrong_folders), cmocka_unit_test(test_torture),
-        cmocka_unit_test(test_json_memory),
+        cmocka_unit_test(test_json_memory),   cmocka_unit_test(test_shards),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

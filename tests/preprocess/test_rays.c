@@ -1,7 +1,9 @@
 #include "shapes.h"
 
+#include "parallel.h"
 #include "rays.h"
 #include "rng.h"
+#include <stdatomic.h>
 
 static hw_vec3 hit_point(const hw_mesh *mesh, hw_hit hit)
 {
@@ -254,6 +256,91 @@ static void test_closest_in_every_region(void **state)
     check_triangle(hw_v3(-1, 0, 0), hw_v3(1, 0, 0), hw_v3(0, 0, 0));    // a segment
 }
 
+#define PAGED_OBJECTS 6u
+#define PAGED_RAYS    40u
+
+typedef struct paged {
+    hw_rays *whole, *rays;
+    _Atomic int64_t reserved;
+    _Atomic uint32_t refusals; // this many reservations are refused
+} paged;
+
+static hw_status reserve(void *context, uint64_t bytes)
+{
+    paged *p = context;
+    if (atomic_load(&p->refusals) > 0) {
+        atomic_fetch_sub(&p->refusals, 1);
+        return hw_fail(HW_LIMIT, "no room");
+    }
+    atomic_fetch_add(&p->reserved, (int64_t)bytes);
+    return HW_OK;
+}
+
+static void release(void *context, uint64_t bytes)
+{
+    paged *p = context;
+    atomic_fetch_sub(&p->reserved, (int64_t)bytes);
+}
+
+// Casts against one object while other threads take trees away.
+static hw_status cast_paged(void *context, uint64_t index, uint32_t thread)
+{
+    (void)thread;
+    paged *p = context;
+    uint32_t object = (uint32_t)(index * 7 % PAGED_OBJECTS);
+    hw_rng rng = hw_rng_make(index, 2);
+    HW_TRY(hw_rays_pin(p->rays, object));
+    assert_true(hw_rays_pins(p->rays) > 0);
+    hw_rays_evict(p->rays);
+    for (uint32_t i = 0; i < PAGED_RAYS; i++) {
+        hw_vec3 d = hw_v3(hw_rng_float(&rng) - 0.5f + (float)object, hw_rng_float(&rng) - 0.5f, -2);
+        hw_vec3 origin = hw_v3(0, 0, 6);
+        hw_hit a = hw_rays_cast_object(p->whole, object, origin, d, 0, INFINITY);
+        hw_hit b = hw_rays_cast_object(p->rays, object, origin, d, 0, INFINITY);
+        if (memcmp(&a, &b, sizeof a))
+            return hw_fail(HW_INTERNAL, "object %u: another hit", object);
+    }
+    hw_rays_unpin(p->rays, object);
+    return HW_OK;
+}
+
+// The hits are the same to the bit, however often trees go and come back.
+static void test_paged_scene(void **state)
+{
+    (void)state;
+    hw_mesh meshes[PAGED_OBJECTS];
+    hw_mat4 transforms[PAGED_OBJECTS];
+    for (uint32_t i = 0; i < PAGED_OBJECTS; i++) {
+        meshes[i] = shape_sphere(hw_v3(0, 0, 0), 1, 20 + i, 12);
+        transforms[i] = hw_mat4_translation(3.0 * i, 0, 0);
+    }
+    hw_scene scene = shape_scene(meshes, transforms, PAGED_OBJECTS);
+    paged p = {0};
+    const hw_rays_memory memory = {&p, reserve, release};
+    assert_int_equal(hw_rays_create_scene(&p.whole, &scene), HW_OK);
+    assert_int_equal(hw_rays_create_paged(&p.rays, &scene, &memory), HW_OK);
+    assert_false(hw_rays_evict(p.rays)); // nothing stands yet
+    assert_int_equal(hw_rays_builds(p.rays), 0);
+    assert_int_equal(hw_parallel_for(600, 4, cast_paged, &p, NULL), HW_OK);
+    assert_true(hw_rays_builds(p.rays) > PAGED_OBJECTS);
+    assert_int_equal(hw_rays_pins(p.rays), 0);
+    while (hw_rays_evict(p.rays))
+        ;
+    // A refused build is an error, and can be tried again.
+    p.refusals = 1;
+    assert_int_equal(hw_rays_pin(p.rays, 0), HW_LIMIT);
+    assert_int_equal(hw_rays_pin(p.rays, 0), HW_OK);
+    assert_false(hw_rays_evict(p.rays)); // what is pinned stays
+    hw_rays_unpin(p.rays, 0);
+    assert_true(hw_rays_evict(p.rays));
+    assert_int_equal(p.reserved, 0);
+    assert_int_equal(hw_rays_pin(p.whole, 0), HW_OK); // nothing to do
+    hw_rays_unpin(p.whole, 0);
+    hw_rays_destroy(p.rays);
+    hw_rays_destroy(p.whole);
+    hw_scene_free(&scene);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -266,6 +353,7 @@ int main(void)
         cmocka_unit_test(test_allocation_failures),
         cmocka_unit_test(test_closest_point),
         cmocka_unit_test(test_closest_in_every_region),
+        cmocka_unit_test(test_paged_scene),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -13,7 +13,7 @@
 
 static bool flag;
 static const char *output, *config;
-static uint64_t count;
+static uint64_t count, bytes;
 static double ratio;
 static uint32_t size[2];
 
@@ -24,6 +24,7 @@ static int reset(void **state)
     output = NULL;
     config = "C";
     count = 4;
+    bytes = 0;
     ratio = 0.25;
     size[0] = 1024;
     size[1] = 768;
@@ -40,6 +41,7 @@ static uint32_t options(hw_option *out, uint32_t capacity)
         {"ratio", 0, HW_OPTION_DOUBLE, &ratio, "R", NULL, -1, 1, "a share"},
         {"free", 0, HW_OPTION_DOUBLE, &ratio, "R", NULL, 0, 0, "without bounds (free)"},
         {"size", 0, HW_OPTION_SIZE, size, "WxH", NULL, 16, 4096, "pixels"},
+        {"bytes", 0, HW_OPTION_BYTES, &bytes, "BYTES", NULL, 0, 4e12, "room"},
         {"config", 0, HW_OPTION_CHOICE, &config, NULL, "A|B|LL|C", 0, 0, "what to draw"},
     };
     uint32_t n = sizeof all / sizeof *all;
@@ -188,6 +190,36 @@ static void bad_numbers_are_named(void **state)
     assert_int_equal(size[0], 1024);
 }
 
+static void bytes_have_units(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *text;
+        uint64_t value;
+    } good[] = {{"0", 0},
+                {"1234", 1234},
+                {"500M", 500000000},
+                {"500MB", 500000000},
+                {"2G", 2000000000},
+                {"1.5g", 1500000000},
+                {"64KiB", 65536},
+                {"2Gi", UINT64_C(2) << 30},
+                {"1T", 1000000000000},
+                {"12B", 12}};
+    static const char *const bad[] = {"x",  "-1",  "G",   "''",    "1e3", "0x10", "2GG",
+                                      "2X", "2iB", "inf", "1..5G", "2Gb", "5T"};
+    char line[64];
+    for (size_t i = 0; i < sizeof good / sizeof *good; i++) {
+        snprintf(line, sizeof line, "in --bytes %s", good[i].text);
+        assert_int_equal(parse(&command, line), HW_OK);
+        assert_true(bytes == good[i].value);
+    }
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        snprintf(line, sizeof line, "in --bytes %s", bad[i]);
+        assert_usage(line, "--bytes: ");
+    }
+}
+
 static void help_and_quiet(void **state)
 {
     (void)state;
@@ -279,13 +311,10 @@ static void values_become_json(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        FRESH(values_are_stored),
-        FRESH(forms_of_the_gnu_style),
-        FRESH(wrong_usage_is_named),
-        FRESH(bad_numbers_are_named),
-        FRESH(help_and_quiet),
-        FRESH(help_comes_from_the_table),
-        FRESH(the_man_page_is_sound_roff),
+        FRESH(values_are_stored),         FRESH(forms_of_the_gnu_style),
+        FRESH(wrong_usage_is_named),      FRESH(bad_numbers_are_named),
+        FRESH(bytes_have_units),          FRESH(help_and_quiet),
+        FRESH(help_comes_from_the_table), FRESH(the_man_page_is_sound_roff),
         FRESH(values_become_json),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

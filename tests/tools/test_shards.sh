@@ -1,0 +1,82 @@
+#!/bin/bash
+# hexwalk build --shard and hexwalk merge, --memory, info on cells and maps: as a user runs them.
+#   test_shards.sh PROGRAM
+set -uo pipefail
+
+hexwalk=$(realpath "$1")
+source "$(dirname "${BASH_SOURCE[0]}")/scenes.sh"
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+cd "$work" || exit 1
+failures=0
+fail() {
+    printf 'FAILED: %s\n' "$1"
+    [[ ! -e log ]] || sed 's/^/    /' log
+    failures=$((failures + 1))
+}
+build() { "$hexwalk" build balls.obj --cell-size 60 --quiet "$@" >log 2>&1 </dev/null; }
+same() { diff -rq --exclude=build.json whole "$1" >log || fail "$1 differs from a build in one go"; }
+# refused CODE PATTERN ARGUMENT...
+refused() {
+    local code=$1 pattern=$2
+    "$hexwalk" "${@:3}" >log 2>&1
+    [[ $? -eq $code ]] || fail "hexwalk ${*:3} did not exit with $code"
+    grep -qE -- "$pattern" log || fail "hexwalk ${*:3} does not say '$pattern'"
+}
+
+make_scene 9 16 >balls.obj
+build -o whole --threads 1 || fail 'a build in one go'
+
+for n in 1 2 3; do
+    shards=()
+    for ((k = n; k >= 1; k--)); do
+        build -o "part$k" --shard "$k/$n" --threads "$k" || fail "shard $k/$n"
+        shards+=("part$k")
+    done
+    "$hexwalk" merge "${shards[@]}" -o "merged$n" --quiet >log 2>&1 || fail "the merge of $n shards"
+    same "merged$n"
+    ((n == 3)) || rm -rf part*
+done
+grep -q '3 shards' log || "$hexwalk" info merged3 >log || fail 'info on a merged dataset'
+
+# One folder for all, in any order: nothing is left of the shards.
+for k in 2 3 1; do
+    [[ ! -e together/manifest.json ]] || fail 'a manifest before the last shard'
+    build -o together --shard $k/3 || fail "shard $k/3 in one folder"
+done
+same together
+
+refused 1 'shard 1 of 3 is missing' merge part2 part3 -o none
+refused 1 'absent' merge part1 part2 absent -o none
+refused 1 'part1: holds shard 1 of 3, which part1' merge part1 part1 part2 part3 -o none
+refused 1 'merged1: is a finished dataset already' merge part1 part2 part3 -o merged1
+refused 1 'part1: is one of the shards' merge part1 part2 part3 -o part1
+refused 2 'help merge' merge part1
+refused 2 'with 1 <= K <= N' build balls.obj -o none --shard 4/3
+refused 2 'with 1 <= K <= N' build balls.obj -o none --shard 0/3
+[[ ! -e none ]] || fail 'a refused merge left something behind'
+
+# A bound of memory: the same bytes, and an error that tells what is needed.
+build -o bounded --memory 8G || fail 'a build with a bound of memory'
+same bounded
+refused 1 '1M of memory are not enough: .*[0-9]M' build balls.obj -o none --memory 1M --quiet
+refused 2 'number of bytes' build balls.obj -o none --memory much
+
+# What info tells of cells, and maps.
+cell=$(find whole/cells -name '*.hxc' | sort | head -n 1)
+"$hexwalk" info "$cell" --json cell.json >log || fail "info $cell"
+for word in INFO NEAR FARS VERT INDX ATLS triangles; do
+    grep -q "$word" log || fail "info on a cell tells no $word"
+done
+stored=$(grep -oE '"bytes":[[:space:]]*[0-9]+' cell.json | grep -oE '[0-9]+$' | paste -sd+ | bc 2>/dev/null || echo 0)
+size=$(stat -c %s "$cell")
+[[ $stored -eq 0 || $((size - stored)) -eq $((40 + 6 * 40)) ]] || fail 'the bytes of the chunks do not add up to the file'
+for by in bytes triangles far near; do
+    "$hexwalk" info whole --map "$by.png" --map-by "$by" --map-side 200 >log || fail "a map by $by"
+    grep -q "^map by *$by" log && grep -q '^map darkest' log || fail "no legend of the map by $by"
+    [[ $(head -c 4 "$by.png" | tail -c 3) == PNG ]] || fail "$by.png is no picture"
+done
+refused 2 'map is for datasets' info balls.obj --map no.png
+
+echo "$failures failures"
+[[ $failures -eq 0 ]]
