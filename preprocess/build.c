@@ -27,6 +27,7 @@ typedef struct build {
     hw_chain *chains;
     hw_rays *rays;
     hw_capturer *capturer;
+    hw_occlusion *occlusion; // NULL without culling
     hw_hexgrid grid;
     uint64_t scene_hash, key;
     int32_t *texture_of_material, texture_count;
@@ -50,6 +51,8 @@ hw_build_options hw_build_defaults(void)
                 .capture_side_max = 1024,
                 .capture_samples = 2},
         .chain = {.face_floor = 40, .importance_floor = 0.05f, .pull_back = 0.25f},
+        .cull_occluded = true,
+        .occlusion = hw_occlusion_defaults(),
     };
 }
 
@@ -77,7 +80,11 @@ static uint64_t make_key(const build *b)
                               o->far.capture_samples,
                               o->chain.face_floor,
                               o->chain.importance_floor,
-                              o->chain.pull_back};
+                              o->chain.pull_back,
+                              o->cull_occluded,
+                              o->cull_occluded ? o->occlusion.rings : 0,
+                              o->cull_occluded ? o->occlusion.step_degrees : 0,
+                              o->cull_occluded ? o->occlusion.margin : 0};
     uint64_t key = hw_hash(b->scene_hash, o->far.policy->name, strlen(o->far.policy->name));
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
         key = hash_number(key, numbers[i]);
@@ -248,9 +255,14 @@ static hw_status make_cell(void *context, uint64_t index, uint32_t thread)
     if (hw_cell_is_current(path, b->key)) {
         atomic_fetch_add(&b->kept, 1);
     } else {
-        hw_cell_inputs inputs = {&b->scene, b->chains,       b->capturer,
-                                 &b->grid,  b->options->far, b->options->near_error_px,
-                                 b->key};
+        hw_cell_inputs inputs = {.scene = &b->scene,
+                                 .chains = b->chains,
+                                 .capturer = b->capturer,
+                                 .occlusion = b->occlusion,
+                                 .grid = &b->grid,
+                                 .far = b->options->far,
+                                 .near_error_px = b->options->near_error_px,
+                                 .key = b->key};
         HW_GO(hw_build_cell(&inputs, id, &cell));
         HW_GO(hw_cell_write(&cell, path));
         atomic_fetch_add(&b->made, 1);
@@ -274,6 +286,8 @@ static hw_status make_cells(build *b)
         mine += in_shard(b, i);
     HW_GO(hw_rays_create_scene(&b->rays, &b->scene));
     HW_GO(hw_capturer_create(&b->scene, b->rays, &b->capturer));
+    if (b->options->cull_occluded)
+        HW_GO(hw_occlusion_create(&b->occlusion, &b->scene, b->rays, &b->options->occlusion));
     HW_GO(hw_progress_create(&b->progress, "cells", mine));
     HW_GO(hw_parallel_for(count, b->options->threads, make_cell, b, b->options->stop));
 out:
@@ -394,6 +408,7 @@ static hw_status make_folders(const build *b)
 static void release(build *b)
 {
     hw_capturer_destroy(b->capturer);
+    hw_occlusion_destroy(b->occlusion);
     hw_rays_destroy(b->rays);
     for (uint32_t i = 0; b->chains && i < b->scene.mesh_count; i++)
         hw_chain_free(&b->chains[i]);

@@ -154,6 +154,7 @@ hw_status hw_build_cell(const hw_cell_inputs *in, hw_cell_id id, hw_cell *out)
 {
     hw_status status;
     assembly a = {0};
+    bool *seen = NULL;
     hw_cell_view view = hw_cell_view_make(in->grid, id);
     memset(out, 0, sizeof *out);
     out->id = id;
@@ -161,8 +162,13 @@ hw_status hw_build_cell(const hw_cell_inputs *in, hw_cell_id id, hw_cell *out)
     out->key = in->key;
     HW_GO(HW_NEW(&a.near, in->scene->object_count));
     HW_GO(HW_NEW(&a.far, in->scene->object_count));
+    if (in->occlusion) {
+        HW_GO(HW_NEW(&seen, in->scene->object_count));
+        HW_GO(hw_occlusion_query(in->occlusion, in->grid, id, seen));
+    }
     for (uint32_t i = 0; i < in->scene->object_count; i++)
-        HW_GO(add_object(in, &view, i, &a));
+        if (!seen || seen[i])
+            HW_GO(add_object(in, &view, i, &a));
     out->near = a.near;
     out->near_count = a.near_count;
     a.near = NULL;
@@ -175,6 +181,7 @@ out:
         hw_svmesh_free(&a.far[i].svmesh);
     hw_free(a.near);
     hw_free(a.far);
+    hw_free(seen);
     if (status != HW_OK)
         hw_cell_free(out);
     return status;

@@ -4,9 +4,8 @@
 #include "rng.h"
 #include <string.h>
 
-#define SLOTS        3 // pieces along a side of a court
-#define LONG_PIECE   (HW_COURT_SIDE / SLOTS)
-#define SHORT_PIECE  20.0 // beside a doorway
+#define SLOTS        4 // pieces along a side of a court; a doorway is one left out
+#define PIECE        (HW_COURT_SIDE / SLOTS)
 #define FLOOR_MARGIN 30.0
 #define EXTRA_DOORS  4 // beyond those that connect everything: one boundary in so many
 
@@ -28,7 +27,7 @@ static const finish finish_of[HW_MASONRY_COUNT] = {
 typedef struct courts {
     hw_scene *scene;
     uint32_t columns, rows;
-    uint32_t meshes[HW_MASONRY_COUNT][2]; // long, short
+    uint32_t meshes[HW_MASONRY_COUNT];
     uint32_t first_material;
     uint32_t *parents; // courts that doorways connect, as a forest
     hw_rng rng;
@@ -48,23 +47,13 @@ hw_court_floor hw_court_floor_of(uint32_t columns, uint32_t rows, uint32_t index
     return (hw_court_floor){x + FLOOR_MARGIN, y + FLOOR_MARGIN, HW_COURT_SIDE - 2 * FLOOR_MARGIN};
 }
 
-static hw_status add_mesh(courts *c, hw_masonry kind, double length, uint32_t *idx)
-{
-    hw_scene *scene = c->scene;
-    HW_TRY(HW_RESIZE(&scene->meshes, scene->mesh_count + 1));
-    scene->meshes[scene->mesh_count] = (hw_mesh){0};
-    HW_TRY(hw_masonry_make(kind, length, &scene->meshes[scene->mesh_count]));
-    *idx = scene->mesh_count++;
-    return HW_OK;
-}
-
 static hw_status add_meshes(courts *c)
 {
+    hw_scene *scene = c->scene;
+    HW_TRY(HW_RESIZE(&scene->meshes, scene->mesh_count + HW_MASONRY_COUNT));
     for (int kind = 0; kind < HW_MASONRY_COUNT; kind++) {
-        HW_TRY(add_mesh(c, (hw_masonry)kind, LONG_PIECE, &c->meshes[kind][0]));
-        if (kind == HW_MASONRY_PIER)
-            continue;
-        HW_TRY(add_mesh(c, (hw_masonry)kind, SHORT_PIECE, &c->meshes[kind][1]));
+        HW_TRY(hw_masonry_make((hw_masonry)kind, PIECE, &scene->meshes[scene->mesh_count]));
+        c->meshes[kind] = scene->mesh_count++;
     }
     return HW_OK;
 }
@@ -84,12 +73,12 @@ static hw_status add_materials(courts *c)
     return HW_OK;
 }
 
-static hw_status add_piece(courts *c, hw_masonry kind, bool is_short, hw_mat4 transform)
+static hw_status add_piece(courts *c, hw_masonry kind, hw_mat4 transform)
 {
     hw_scene *scene = c->scene;
     HW_TRY(HW_RESIZE(&scene->objects, scene->object_count + 1));
     hw_object *object = &scene->objects[scene->object_count++];
-    *object = (hw_object){.mesh_idx = c->meshes[kind][is_short],
+    *object = (hw_object){.mesh_idx = c->meshes[kind],
                           .material_idx = c->first_material + finish_of[kind],
                           .transform = transform};
     // Turned by right angles, so that the box of the box is exact.
@@ -110,15 +99,6 @@ static hw_mat4 placed(double x, double y, bool turned)
     return m;
 }
 
-// A piece whose middle is `along` the boundary from its western or southern end.
-static hw_status add_along(courts *c, const boundary *b, hw_masonry kind, bool is_short,
-                           double along)
-{
-    double x = (b->column - c->columns / 2.0) * HW_COURT_SIDE + (b->turned ? 0 : along);
-    double y = (b->row - c->rows / 2.0) * HW_COURT_SIDE + (b->turned ? along : 0);
-    return add_piece(c, kind, is_short, placed(x, y, b->turned));
-}
-
 static hw_masonry choose_kind(courts *c, bool outer)
 {
     uint32_t dice = hw_rng_below(&c->rng, 100);
@@ -127,18 +107,16 @@ static hw_masonry choose_kind(courts *c, bool outer)
     return dice < 50 ? HW_MASONRY_WALL : dice < 90 ? HW_MASONRY_HEDGE : HW_MASONRY_COLONNADE;
 }
 
-// Three long pieces; where there is a doorway, one of them gives way to a short one at its side.
 static hw_status add_boundary(courts *c, const boundary *b)
 {
     hw_masonry kind = choose_kind(c, b->outer);
-    uint32_t door = hw_rng_below(&c->rng, SLOTS), side = hw_rng_below(&c->rng, 2);
+    uint32_t door = hw_rng_below(&c->rng, SLOTS);
     for (uint32_t slot = 0; slot < SLOTS; slot++) {
-        double from = slot * LONG_PIECE;
+        double x = (b->column - c->columns / 2.0) * HW_COURT_SIDE;
+        double y = (b->row - c->rows / 2.0) * HW_COURT_SIDE;
+        *(b->turned ? &y : &x) += (slot + 0.5) * PIECE;
         if (!b->door || slot != door)
-            HW_TRY(add_along(c, b, kind, false, from + LONG_PIECE / 2));
-        else
-            HW_TRY(add_along(c, b, kind, true,
-                             from + (side ? LONG_PIECE - SHORT_PIECE / 2 : SHORT_PIECE / 2)));
+            HW_TRY(add_piece(c, kind, placed(x, y, b->turned)));
     }
     return HW_OK;
 }
@@ -205,7 +183,7 @@ hw_status hw_court_build(hw_scene *scene, uint32_t columns, uint32_t rows, uint6
     HW_TRY(add_boundaries(&c));
     for (uint32_t row = 0; row <= rows; row++)
         for (uint32_t column = 0; column <= columns; column++)
-            HW_TRY(add_piece(&c, HW_MASONRY_PIER, false,
+            HW_TRY(add_piece(&c, HW_MASONRY_PIER,
                              placed((column - columns / 2.0) * HW_COURT_SIDE,
                                     (row - rows / 2.0) * HW_COURT_SIDE, false)));
     return HW_OK;

@@ -14,6 +14,6 @@ typedef struct hw_court_floor {
 // and a way stays open along the walls.
 hw_court_floor hw_court_floor_of(uint32_t columns, uint32_t rows, uint32_t index);
 // Appends the meshes, materials and objects that divide columns x rows courts (each > 0) to the
-// scene. Doorways are 37 units wide or more; the outer wall has none.
+// scene. Doorways are 38 units wide or more; the outer wall has none.
 HW_MUST_USE hw_status hw_court_build(hw_scene *scene, uint32_t columns, uint32_t rows,
                                      uint64_t seed);

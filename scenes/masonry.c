@@ -187,8 +187,10 @@ static hw_status add_ball(pile *p, double z, double radius)
 
 // ---- pieces ----------------------------------------------------------------------------------
 
+// Walls and hedges reach a little beyond their length, so that no light falls through between two.
 static hw_status make_wall(pile *p, double length)
 {
+    length += 0.8;
     HW_TRY(add_block(
         p, (block){.size = {length, 3, 26}, .rounding = 0.3, .step = 1, .bumps = {0.2, 5}}));
     return add_block(p,
@@ -197,6 +199,7 @@ static hw_status make_wall(pile *p, double length)
 
 static hw_status make_hedge(pile *p, double length)
 {
+    length += 5;
     return add_block(
         p, (block){.size = {length, 8, 27}, .rounding = 2, .step = 0.8, .bumps = {0.9, 2.6}});
 }
