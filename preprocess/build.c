@@ -82,8 +82,7 @@ static uint64_t make_key(const build *b)
                               o->chain.importance_floor,
                               o->chain.pull_back,
                               o->cull_occluded,
-                              o->cull_occluded ? o->occlusion.rings : 0,
-                              o->cull_occluded ? o->occlusion.step_degrees : 0,
+                              o->cull_occluded ? o->occlusion.rays : 0,
                               o->cull_occluded ? o->occlusion.margin : 0};
     uint64_t key = hw_hash(b->scene_hash, o->far.policy->name, strlen(o->far.policy->name));
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
