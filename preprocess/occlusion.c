@@ -115,18 +115,16 @@ static bool hides(const hw_occlusion *o, const hw_hit *hit, hw_vec3 direction)
     return o->solid[o->scene->objects[hit->object_idx].mesh_idx] || meets_front(o, hit, direction);
 }
 
-// Whether nothing hides the end of a ray from its beginning.
-static bool is_free(const hw_occlusion *o, hw_vec3 eye, hw_vec3 direction, float t_max)
+// Whether something hides the end of a ray from its beginning, where not all meshes are solid.
+static bool is_hidden(const hw_occlusion *o, hw_vec3 eye, hw_vec3 direction, float t_max)
 {
-    if (o->all_solid)
-        return !hw_rays_occluded(o->rays, eye, direction, 0, t_max);
     hw_hit hit = hw_rays_cast(o->rays, eye, direction, 0, t_max);
     for (int i = 0; i < BACKS_MAX && hit.t < INFINITY; i++) {
         if (hides(o, &hit, direction))
-            return false;
+            return true;
         hit = hw_rays_cast(o->rays, eye, direction, hit.t * 1.00001f + 1e-5f, t_max);
     }
-    return true;
+    return false;
 }
 
 // ---- eyes ------------------------------------------------------------------------------------
@@ -154,7 +152,7 @@ static hw_vec3 eye_at(const hw_vec3 corners[HW_CELL_CORNERS], hw_vec3 centre, ui
     hw_vec3 eye = hw_v3_mad(a, hw_v3_sub(b, a), (float)along);
     double low = corners[0].z, high = corners[6].z;
     if (u < SIDES) {
-        double t = (v - 0.5 * EDGES) / (1 - 1.5 * EDGES);
+        double t = (v - EDGES) / (1 - 2 * EDGES);
         eye.z = (float)(low + (high - low) * fmin(fmax(t, 0), 1));
         return eye;
     }
@@ -189,13 +187,18 @@ static double blend(double low, double high, double t)
 }
 
 typedef struct target {
+    uint32_t object_idx;
+    float azimuth; // from the cell's centre
     hw_box box, grown;
+    float band;      // how far from its outline "along" is
     double shift[3]; // its points are others than those of other objects
 } target;
 
 static target target_make(const hw_occlusion *o, uint32_t object_idx, double margin)
 {
-    target t = {.box = o->scene->objects[object_idx].bounds};
+    target t = {.object_idx = object_idx,
+                .box = o->scene->objects[object_idx].bounds,
+                .band = (float)(1.5 * margin) + 1};
     const hw_ground *ground = &o->scene->ground;
     hw_vec3 grow = hw_v3((float)margin, (float)margin, (float)margin / 2);
     t.grown = (hw_box){hw_v3_sub(t.box.min, grow), hw_v3_add(t.box.max, grow)};
@@ -207,39 +210,118 @@ static target target_make(const hw_occlusion *o, uint32_t object_idx, double mar
     return t;
 }
 
-// Whether ray i, from one of the eyes to one of the points of the grown box, arrives: at the box
-// itself, or passing it by no more than the margin.
-static bool ray_arrives(const hw_occlusion *o, const target *t, hw_vec3 eye, uint32_t i)
+// Point i of a target. Objects come into view at the rim: above what hides them, or beside it. So
+// half of the points lie along the top and a quarter at the sides that make the outline.
+static hw_vec3 point_at(const target *t, hw_vec3 eye, uint32_t i)
 {
-    hw_vec3 p = hw_v3((float)blend(t->grown.min.x, t->grown.max.x, spread(i, 3, t->shift[0])),
-                      (float)blend(t->grown.min.y, t->grown.max.y, spread(i, 4, t->shift[1])),
-                      (float)blend(t->grown.min.z, t->grown.max.z, spread(i, 5, t->shift[2])));
-    hw_vec3 direction = hw_v3_sub(p, eye);
-    float end = entry(eye, direction, t->box);
-    return is_free(o, eye, direction, end < INFINITY ? end * 0.9999f : 1);
+    double x = spread(i, 3, t->shift[0]), y = spread(i, 4, t->shift[1]);
+    double z = spread(i, 5, t->shift[2]);
+    hw_box box = t->grown;
+    uint32_t kind = i / 2 % 4;
+    if (kind < 2) {
+        box.min.z = fmaxf(box.min.z, box.max.z - t->band);
+    } else if (kind == 2) {
+        // Of the two corners of the outline, which lie on one diagonal or the other, one in turn.
+        hw_vec3 towards = hw_v3_sub(hw_box_centre(box), eye);
+        bool rising = (double)towards.x * towards.y < 0;
+        bool right = i / 8 % 2;
+        bool upper = right == rising;
+        *(right ? &box.min.x : &box.max.x) =
+            right ? fmaxf(box.min.x, box.max.x - t->band) : fminf(box.max.x, box.min.x + t->band);
+        *(upper ? &box.min.y : &box.max.y) =
+            upper ? fmaxf(box.min.y, box.max.y - t->band) : fminf(box.max.y, box.min.y + t->band);
+    }
+    return hw_v3((float)blend(box.min.x, box.max.x, x), (float)blend(box.min.y, box.max.y, y),
+                 (float)blend(box.min.z, box.max.z, z));
 }
 
-static bool is_seen(const hw_occlusion *o, const hw_vec3 *eyes, uint32_t object_idx, double margin)
+// The objects of a cell that no ray has reached yet.
+typedef struct search {
+    const hw_occlusion *occlusion;
+    target *open; // by azimuth, so that rays of neighbours run close to each other
+    uint32_t open_count;
+    hw_vec3 *directions;
+    float *ends;
+    bool *hidden;
+    bool *seen; // per object of the scene
+} search;
+
+static void search_free(search *s)
 {
-    target t = target_make(o, object_idx, margin);
-    for (uint32_t i = 0; i < o->options.rays; i++)
-        if (ray_arrives(o, &t, eyes[i], i))
-            return true;
-    return false;
+    hw_free(s->open);
+    hw_free(s->directions);
+    hw_free(s->ends);
+    hw_free(s->hidden);
+}
+
+static int by_azimuth(const void *x, const void *y)
+{
+    const target *a = x, *b = y;
+    if (a->azimuth != b->azimuth)
+        return a->azimuth < b->azimuth ? -1 : 1;
+    return a->object_idx < b->object_idx ? -1 : 1;
+}
+
+static hw_status search_make(search *s, const hw_hexgrid *grid, hw_cell_id id)
+{
+    const hw_occlusion *o = s->occlusion;
+    const hw_scene *scene = o->scene;
+    hw_vec3 centre = hw_cell_centre(grid, id);
+    HW_TRY(HW_NEW(&s->open, scene->object_count));
+    HW_TRY(HW_NEW(&s->directions, scene->object_count));
+    HW_TRY(HW_NEW(&s->ends, scene->object_count));
+    HW_TRY(HW_NEW(&s->hidden, scene->object_count));
+    for (uint32_t i = 0; i < scene->object_count; i++) {
+        s->seen[i] = hw_cell_meets_box(grid, id, scene->objects[i].bounds);
+        if (s->seen[i])
+            continue;
+        target t = target_make(o, i, o->options.margin * grid->cell_size);
+        hw_vec3 towards = hw_v3_sub(hw_box_centre(t.box), centre);
+        t.azimuth = atan2f(towards.y, towards.x);
+        s->open[s->open_count++] = t;
+    }
+    qsort(s->open, s->open_count, sizeof *s->open, by_azimuth);
+    return HW_OK;
+}
+
+// One ray from an eye to every open object; those that are reached, at the box itself or passing it
+// by no more than the margin, are seen.
+static void look_from(search *s, hw_vec3 eye, uint32_t i)
+{
+    const hw_occlusion *o = s->occlusion;
+    uint32_t left = 0;
+    for (uint32_t k = 0; k < s->open_count; k++) {
+        s->directions[k] = hw_v3_sub(point_at(&s->open[k], eye, i), eye);
+        float end = entry(eye, s->directions[k], s->open[k].box);
+        s->ends[k] = end < INFINITY ? end * 0.9999f : 1;
+    }
+    if (o->all_solid)
+        hw_rays_occluded_many(o->rays, eye, s->directions, s->ends, s->open_count, s->hidden);
+    else
+        for (uint32_t k = 0; k < s->open_count; k++)
+            s->hidden[k] = is_hidden(o, eye, s->directions[k], s->ends[k]);
+    for (uint32_t k = 0; k < s->open_count; k++) {
+        if (s->hidden[k])
+            s->open[left++] = s->open[k];
+        else
+            s->seen[s->open[k].object_idx] = true;
+    }
+    s->open_count = left;
 }
 
 hw_status hw_occlusion_query(const hw_occlusion *o, const hw_hexgrid *grid, hw_cell_id id,
                              bool *seen)
 {
-    hw_vec3 *eyes = NULL, corners[HW_CELL_CORNERS], centre = hw_cell_centre(grid, id);
+    hw_status status = HW_OK;
+    search s = {.occlusion = o, .seen = seen};
+    hw_vec3 corners[HW_CELL_CORNERS], centre = hw_cell_centre(grid, id);
     hw_cell_corners(grid, id, corners);
-    HW_TRY(HW_NEW(&eyes, o->options.rays));
-    for (uint32_t i = 0; i < o->options.rays; i++)
-        eyes[i] =
-            i < HW_CELL_CORNERS ? corners[HW_CELL_CORNERS - 1 - i] : eye_at(corners, centre, i);
-    for (uint32_t i = 0; i < o->scene->object_count; i++)
-        seen[i] = hw_cell_meets_box(grid, id, o->scene->objects[i].bounds) ||
-                  is_seen(o, eyes, i, o->options.margin * grid->cell_size);
-    hw_free(eyes);
-    return HW_OK;
+    HW_GO(search_make(&s, grid, id));
+    for (uint32_t i = 0; i < o->options.rays && s.open_count > 0; i++)
+        look_from(
+            &s, i < HW_CELL_CORNERS ? corners[HW_CELL_CORNERS - 1 - i] : eye_at(corners, centre, i),
+            i);
+out:
+    search_free(&s);
+    return status;
 }
