@@ -29,6 +29,7 @@ typedef struct build {
     hw_chain *chains;
     hw_rays *rays;
     hw_capturer *capturer;
+    hw_occlusion *occlusion; // NULL without culling
     hw_hexgrid grid;
     hw_cell_id *cells; // of all levels, as in the manifest
     uint32_t cell_count;
@@ -59,6 +60,8 @@ hw_build_options hw_build_defaults(void)
                 .capture_side_max = 1024,
                 .capture_samples = 2},
         .chain = {.face_floor = 40, .importance_floor = 0.05f, .pull_back = 0.25f},
+        .cull_occluded = false,
+        .occlusion = hw_occlusion_defaults(),
     };
 }
 
@@ -87,7 +90,10 @@ static uint64_t make_key(const build *b)
                               o->far.capture_samples,
                               o->chain.face_floor,
                               o->chain.importance_floor,
-                              o->chain.pull_back};
+                              o->chain.pull_back,
+                              o->cull_occluded,
+                              o->cull_occluded ? o->occlusion.rays : 0,
+                              o->cull_occluded ? o->occlusion.margin : 0};
     uint64_t key = hw_hash(b->scene_hash, o->far.policy->name, strlen(o->far.policy->name));
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
         key = hash_number(key, numbers[i]);
@@ -325,6 +331,7 @@ static hw_status build_cell(build *b, hw_cell_id id, const char *path, uint32_t 
     hw_cell_inputs inputs = {.scene = &b->scene,
                              .chains = b->chains,
                              .capturer = b->capturer,
+                             .occlusion = b->occlusion,
                              .grid = &b->grid,
                              .far = b->options->far,
                              .near_error_px = b->options->near_error_px,
@@ -381,6 +388,8 @@ static hw_status make_rays(build *b)
         HW_GO(hw_rays_create_scene(&b->rays, &b->scene));
     }
     HW_GO(hw_capturer_create(&b->scene, b->rays, &b->capturer));
+    if (b->options->cull_occluded)
+        HW_GO(hw_occlusion_create(&b->occlusion, &b->scene, b->rays, &b->options->occlusion));
     b->report->rays_seconds = (hw_clock_ms() - start) / 1000;
 out:
     hw_free(keys);
@@ -572,6 +581,7 @@ static hw_status make_folders(const build *b)
 static void release(build *b)
 {
     hw_capturer_destroy(b->capturer);
+    hw_occlusion_destroy(b->occlusion);
     hw_rays_destroy(b->rays);
     hw_budget_destroy(b->budget);
     for (uint32_t i = 0; b->chains && i < b->scene.mesh_count; i++)

@@ -1,6 +1,7 @@
 // The build: scene in, dataset out. Stages: import, chains, meshes, cells, manifest.
 #pragma once
 #include "build_cell.h"
+#include "occlusion.h"
 #include <stdatomic.h>
 
 // Raise when the content of cells or meshes changes for the same input: it is part of every key.
@@ -14,6 +15,8 @@ typedef struct hw_build_options {
     double near_error_px;
     hw_far_options far;
     hw_chain_options chain;
+    bool cull_occluded; // leave out of a cell what cannot be seen from it
+    hw_occlusion_options occlusion;
     uint32_t threads; // 0 = default
     uint32_t shard_index,
         shard_count;       // this run makes every shard_count-th cell and mesh; count 0 or 1 = all

@@ -233,14 +233,20 @@ static hw_status add_objects(const hw_cell_inputs *in, const hw_cell_view *view,
     far.policy = &timed.policy;
     double start = hw_clock_ms(), captured = hw_capture_thread_seconds();
     uint32_t count = in->scene->object_count;
+    bool *seen = NULL;
     hw_cell_view groups[HW_CELL_LEVELS_MAX]; // that hold the cell, by level
     for (int32_t l = view->id.level + 1; l < in->grid->levels; l++)
         groups[l] = hw_cell_view_make(in->grid, hw_cell_ancestor(view->id, l));
     HW_GO(HW_NEW(&a->near, count));
     HW_GO(HW_NEW(&a->far, count));
+    if (in->occlusion && view->id.level == 0) { // a group is too large to be sampled as densely
+        HW_GO(HW_NEW(&seen, count));
+        HW_GO(hw_occlusion_query(in->occlusion, in->grid, view->id, seen));
+    }
     for (uint32_t i = 0; i < count; i++) {
         uint32_t k = in->backwards ? count - 1 - i : i, object_idx = in->order ? in->order[k] : k;
-        if (!is_ours(in, view, groups, in->scene->objects[object_idx].bounds))
+        if ((seen && !seen[object_idx]) ||
+            !is_ours(in, view, groups, in->scene->objects[object_idx].bounds))
             continue;
         HW_GO(hw_budget_use(in->budget, in->scene->objects[object_idx].mesh_idx));
         HW_GO(add_object(in, view, &far, object_idx, a));
@@ -248,6 +254,7 @@ static hw_status add_objects(const hw_cell_inputs *in, const hw_cell_view *view,
     qsort(a->near, a->near_count, sizeof *a->near, by_object);
     qsort(a->far, a->far_count, sizeof *a->far, by_azimuth);
 out:
+    hw_free(seen);
     captured = hw_capture_thread_seconds() - captured;
     double simplified = (timed.ms - timed.capture_ms) / 1000;
     seconds->capture += captured;
