@@ -10,6 +10,9 @@
 #define TOP       0.9 // this share on its top, the others on its bottom
 #define EDGES     0.3 // share of a side's eyes on its upper edge; half as many on the lower
 
+#define WIDE       3.0 // margins round an object within which a ray is close
+#define WIDE_SHARE 8u  // one ray in so many decides whether any comes close
+
 struct hw_occlusion {
     const hw_scene *scene;
     const hw_rays *rays;
@@ -21,7 +24,7 @@ struct hw_occlusion {
 
 hw_occlusion_options hw_occlusion_defaults(void)
 {
-    return (hw_occlusion_options){.rays = 2048, .margin = 0.1};
+    return (hw_occlusion_options){.rays = 4096, .margin = 0.1};
 }
 
 // ---- the scene -------------------------------------------------------------------------------
@@ -115,9 +118,11 @@ static bool hides(const hw_occlusion *o, const hw_hit *hit, hw_vec3 direction)
     return o->solid[o->scene->objects[hit->object_idx].mesh_idx] || meets_front(o, hit, direction);
 }
 
-// Whether something hides the end of a ray from its beginning, where not all meshes are solid.
+// Whether something hides the end of a ray from its beginning.
 static bool is_hidden(const hw_occlusion *o, hw_vec3 eye, hw_vec3 direction, float t_max)
 {
+    if (o->all_solid)
+        return hw_rays_occluded(o->rays, eye, direction, 0, t_max);
     hw_hit hit = hw_rays_cast(o->rays, eye, direction, 0, t_max);
     for (int i = 0; i < BACKS_MAX && hit.t < INFINITY; i++) {
         if (hides(o, &hit, direction))
@@ -188,22 +193,31 @@ static double blend(double low, double high, double t)
 
 typedef struct target {
     uint32_t object_idx;
-    float azimuth; // from the cell's centre
-    hw_box box, grown;
-    float band;      // how far from its outline "along" is
+    bool near;       // a ray came close
+    hw_box box;      // of the object
+    hw_box grown[2]; // by the margin, by WIDE margins
+    float band[2];   // how far from the outline of those "along" it is
     double shift[3]; // its points are others than those of other objects
 } target;
 
+static hw_box grow_box(hw_box box, double by)
+{
+    hw_vec3 grow = hw_v3((float)by, (float)by, (float)by / 2);
+    return (hw_box){hw_v3_sub(box.min, grow), hw_v3_add(box.max, grow)};
+}
+
 static target target_make(const hw_occlusion *o, uint32_t object_idx, double margin)
 {
-    target t = {.object_idx = object_idx,
-                .box = o->scene->objects[object_idx].bounds,
-                .band = (float)(1.5 * margin) + 1};
+    target t = {.object_idx = object_idx, .box = o->scene->objects[object_idx].bounds};
     const hw_ground *ground = &o->scene->ground;
-    hw_vec3 grow = hw_v3((float)margin, (float)margin, (float)margin / 2);
-    t.grown = (hw_box){hw_v3_sub(t.box.min, grow), hw_v3_add(t.box.max, grow)};
-    if (ground->present && t.grown.min.z < ground->rect.min.z) // nobody sees below it
-        t.grown.min.z = fminf(fmaxf(ground->rect.min.z, t.grown.min.z), t.box.max.z);
+    for (int wide = 0; wide < 2; wide++) {
+        double by = wide ? WIDE * margin : margin;
+        t.grown[wide] = grow_box(t.box, by);
+        t.band[wide] = (float)(1.5 * by) + 1;
+        float *bottom = &t.grown[wide].min.z; // nobody sees below the ground
+        if (ground->present && *bottom < ground->rect.min.z)
+            *bottom = fminf(ground->rect.min.z, t.box.max.z);
+    }
     uint64_t h = hw_hash(5, &object_idx, sizeof object_idx);
     for (int k = 0; k < 3; k++)
         t.shift[k] = (double)(h >> 20 * k & 0xfffff) / 0x100000;
@@ -212,14 +226,15 @@ static target target_make(const hw_occlusion *o, uint32_t object_idx, double mar
 
 // Point i of a target. Objects come into view at the rim: above what hides them, or beside it. So
 // half of the points lie along the top and a quarter at the sides that make the outline.
-static hw_vec3 point_at(const target *t, hw_vec3 eye, uint32_t i)
+static hw_vec3 point_at(const target *t, bool wide, hw_vec3 eye, uint32_t i)
 {
     double x = spread(i, 3, t->shift[0]), y = spread(i, 4, t->shift[1]);
     double z = spread(i, 5, t->shift[2]);
-    hw_box box = t->grown;
+    hw_box box = t->grown[wide];
+    float band = t->band[wide];
     uint32_t kind = i / 2 % 4;
     if (kind < 2) {
-        box.min.z = fmaxf(box.min.z, box.max.z - t->band);
+        box.min.z = fmaxf(box.min.z, box.max.z - band);
     } else if (kind == 2) {
         // Of the two corners of the outline, which lie on one diagonal or the other, one in turn.
         hw_vec3 towards = hw_v3_sub(hw_box_centre(box), eye);
@@ -227,9 +242,9 @@ static hw_vec3 point_at(const target *t, hw_vec3 eye, uint32_t i)
         bool right = i / 8 % 2;
         bool upper = right == rising;
         *(right ? &box.min.x : &box.max.x) =
-            right ? fmaxf(box.min.x, box.max.x - t->band) : fminf(box.max.x, box.min.x + t->band);
+            right ? fmaxf(box.min.x, box.max.x - band) : fminf(box.max.x, box.min.x + band);
         *(upper ? &box.min.y : &box.max.y) =
-            upper ? fmaxf(box.min.y, box.max.y - t->band) : fminf(box.max.y, box.min.y + t->band);
+            upper ? fmaxf(box.min.y, box.max.y - band) : fminf(box.max.y, box.min.y + band);
     }
     return hw_v3((float)blend(box.min.x, box.max.x, x), (float)blend(box.min.y, box.max.y, y),
                  (float)blend(box.min.z, box.max.z, z));
@@ -238,74 +253,60 @@ static hw_vec3 point_at(const target *t, hw_vec3 eye, uint32_t i)
 // The objects of a cell that no ray has reached yet.
 typedef struct search {
     const hw_occlusion *occlusion;
-    target *open; // by azimuth, so that rays of neighbours run close to each other
+    target *open;
     uint32_t open_count;
-    hw_vec3 *directions;
-    float *ends;
-    bool *hidden;
     bool *seen; // per object of the scene
 } search;
-
-static void search_free(search *s)
-{
-    hw_free(s->open);
-    hw_free(s->directions);
-    hw_free(s->ends);
-    hw_free(s->hidden);
-}
-
-static int by_azimuth(const void *x, const void *y)
-{
-    const target *a = x, *b = y;
-    if (a->azimuth != b->azimuth)
-        return a->azimuth < b->azimuth ? -1 : 1;
-    return a->object_idx < b->object_idx ? -1 : 1;
-}
 
 static hw_status search_make(search *s, const hw_hexgrid *grid, hw_cell_id id)
 {
     const hw_occlusion *o = s->occlusion;
     const hw_scene *scene = o->scene;
-    hw_vec3 centre = hw_cell_centre(grid, id);
     HW_TRY(HW_NEW(&s->open, scene->object_count));
-    HW_TRY(HW_NEW(&s->directions, scene->object_count));
-    HW_TRY(HW_NEW(&s->ends, scene->object_count));
-    HW_TRY(HW_NEW(&s->hidden, scene->object_count));
     for (uint32_t i = 0; i < scene->object_count; i++) {
         s->seen[i] = hw_cell_meets_box(grid, id, scene->objects[i].bounds);
-        if (s->seen[i])
-            continue;
-        target t = target_make(o, i, o->options.margin * grid->cell_size);
-        hw_vec3 towards = hw_v3_sub(hw_box_centre(t.box), centre);
-        t.azimuth = atan2f(towards.y, towards.x);
-        s->open[s->open_count++] = t;
+        if (!s->seen[i])
+            s->open[s->open_count++] = target_make(o, i, o->options.margin * grid->cell_size);
     }
-    qsort(s->open, s->open_count, sizeof *s->open, by_azimuth);
     return HW_OK;
 }
 
-// One ray from an eye to every open object; those that are reached, at the box itself or passing it
-// by no more than the margin, are seen.
-static void look_from(search *s, hw_vec3 eye, uint32_t i)
+// Ray i to a target: true if it arrives at the box, or passes it by no more than the margin.
+// Otherwise notes if it has come close.
+static bool ray_arrives(const hw_occlusion *o, target *t, bool wide, hw_vec3 eye, uint32_t i)
 {
-    const hw_occlusion *o = s->occlusion;
+    hw_vec3 direction = hw_v3_sub(point_at(t, wide, eye, i), eye);
+    bool meets_grown = entry(eye, direction, t->grown[0]) < INFINITY;
+    if (!meets_grown && t->near)
+        return false; // it would tell nothing new
+    float end = entry(eye, direction, t->box);
+    if (is_hidden(o, eye, direction, end < INFINITY ? end * 0.9999f : 1))
+        return false;
+    t->near = true;
+    return meets_grown;
+}
+
+// One ray from an eye to every open object.
+static void look_from(search *s, bool wide, hw_vec3 eye, uint32_t i)
+{
     uint32_t left = 0;
     for (uint32_t k = 0; k < s->open_count; k++) {
-        s->directions[k] = hw_v3_sub(point_at(&s->open[k], eye, i), eye);
-        float end = entry(eye, s->directions[k], s->open[k].box);
-        s->ends[k] = end < INFINITY ? end * 0.9999f : 1;
-    }
-    if (o->all_solid)
-        hw_rays_occluded_many(o->rays, eye, s->directions, s->ends, s->open_count, s->hidden);
-    else
-        for (uint32_t k = 0; k < s->open_count; k++)
-            s->hidden[k] = is_hidden(o, eye, s->directions[k], s->ends[k]);
-    for (uint32_t k = 0; k < s->open_count; k++) {
-        if (s->hidden[k])
-            s->open[left++] = s->open[k];
+        target *t = &s->open[k];
+        if (ray_arrives(s->occlusion, t, wide, eye, i))
+            s->seen[t->object_idx] = true;
         else
-            s->seen[s->open[k].object_idx] = true;
+            s->open[left++] = *t;
     }
+    s->open_count = left;
+}
+
+// What no ray came close to is given up.
+static void keep_near(search *s)
+{
+    uint32_t left = 0;
+    for (uint32_t k = 0; k < s->open_count; k++)
+        if (s->open[k].near)
+            s->open[left++] = s->open[k];
     s->open_count = left;
 }
 
@@ -315,13 +316,17 @@ hw_status hw_occlusion_query(const hw_occlusion *o, const hw_hexgrid *grid, hw_c
     hw_status status = HW_OK;
     search s = {.occlusion = o, .seen = seen};
     hw_vec3 corners[HW_CELL_CORNERS], centre = hw_cell_centre(grid, id);
+    uint32_t wide_count = (o->options.rays + WIDE_SHARE - 1) / WIDE_SHARE;
     hw_cell_corners(grid, id, corners);
     HW_GO(search_make(&s, grid, id));
-    for (uint32_t i = 0; i < o->options.rays && s.open_count > 0; i++)
-        look_from(
-            &s, i < HW_CELL_CORNERS ? corners[HW_CELL_CORNERS - 1 - i] : eye_at(corners, centre, i),
-            i);
+    for (uint32_t i = 0; i < o->options.rays && s.open_count > 0; i++) {
+        if (i == wide_count)
+            keep_near(&s);
+        hw_vec3 eye =
+            i < HW_CELL_CORNERS ? corners[HW_CELL_CORNERS - 1 - i] : eye_at(corners, centre, i);
+        look_from(&s, i < wide_count, eye, i);
+    }
 out:
-    search_free(&s);
+    hw_free(s.open);
     return status;
 }

@@ -495,25 +495,6 @@ bool hw_rays_occluded(const hw_rays *rays, hw_vec3 origin, hw_vec3 direction, fl
     return ray.tfar < 0; // Embree marks a hit by -inf
 }
 
-void hw_rays_occluded_many(const hw_rays *rays, hw_vec3 origin, const hw_vec3 *directions,
-                           const float *t_max, uint32_t count, bool *occluded)
-{
-    struct RTCIntersectContext context = packet_context(true);
-    for (uint32_t first = 0; first < count; first += PACKET) {
-        uint32_t n = count - first < PACKET ? count - first : PACKET;
-        struct RTCRayHit16 packet;
-        _Alignas(64) int valid[PACKET];
-        for (uint32_t i = 0; i < PACKET; i++) {
-            uint32_t k = first + (i < n ? i : 0);
-            valid[i] = i < n ? -1 : 0;
-            set_packet_ray(&packet, i, origin, directions[k], t_max[k]);
-        }
-        rtcOccluded16(valid, rays->top, &context, &packet.ray);
-        for (uint32_t i = 0; i < n; i++)
-            occluded[first + i] = packet.ray.tfar[i] < 0;
-    }
-}
-
 // Barycentric coordinates (u, v) of the point of triangle abc closest to p
 // (Ericson, Real-Time Collision Detection, 5.1.5).
 static void closest_on_triangle(hw_vec3 p, hw_vec3 a, hw_vec3 b, hw_vec3 c, float *u, float *v)

@@ -66,11 +66,6 @@ void hw_rays_cast_parallel(const hw_rays *rays, const hw_vec3 *origins, hw_vec3 
 bool hw_rays_occluded(const hw_rays *rays, hw_vec3 origin, hw_vec3 direction, float t_min,
                       float t_max);
 
-// The same for `count` segments of one origin, origin + t direction, t in [0, t_max], in packets of
-// 16: fastest where each run of 16 directions lies close together. occluded holds `count`.
-void hw_rays_occluded_many(const hw_rays *rays, hw_vec3 origin, const hw_vec3 *directions,
-                           const float *t_max, uint32_t count, bool *occluded);
-
 typedef struct hw_closest {
     float distance; // INFINITY if nothing lies within the radius
     uint32_t triangle_idx;
