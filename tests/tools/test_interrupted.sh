@@ -16,6 +16,8 @@ fail() {
     failures=$((failures + 1))
 }
 build() { "$hexwalk" build balls.obj -o "$1" --cell-size 40 --quiet >log 2>&1 </dev/null; }
+# For the background: the signals that it gets reach the program, not a shell round it.
+start() { exec "$hexwalk" build balls.obj -o "$1" --cell-size 40 --quiet >log 2>&1 </dev/null; }
 same() { diff -rq --exclude=build.json whole "$1" >log || fail "$1 differs from an undisturbed build"; }
 
 make_scene 9 24 >balls.obj
@@ -24,8 +26,8 @@ cells=$(ls whole/cells/0 | wc -l)
 
 # Killed again and again, each time a little later, until a run comes through.
 kills=0 finished=false
-for ((delay = 20; delay < 60000; delay += delay / 4)); do
-    build killed &
+for ((delay = 20; delay < 60000; delay += delay / 2)); do
+    start killed &
     child=$!
     ( sleep "$(printf '0.%03d' $((delay % 1000)))"; sleep $((delay / 1000)); kill -9 $child ) 2>/dev/null &
     killer=$!
@@ -44,7 +46,7 @@ same killed
 [[ -z $(find killed -name '*.tmp') ]] || fail 'temporary files were left behind'
 
 # Interrupted with Ctrl-C: exit 1, no manifest, a word on how to go on.
-build stopped &
+start stopped &
 child=$!
 while [[ -z $(ls stopped/cells/0 2>/dev/null) ]] && kill -0 $child 2>/dev/null; do :; done
 kill -INT $child 2>/dev/null
