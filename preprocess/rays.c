@@ -6,6 +6,16 @@
 #include <pthread.h>
 #include <string.h>
 
+#ifdef __SANITIZE_THREAD__
+// Embree guards the list of its threads' allocators by a lock of its own making, and TBB below it
+// works with atomics: the thread sanitizer, which has compiled neither, sees no order in them.
+const char *__tsan_default_suppressions(void);
+const char *__tsan_default_suppressions(void)
+{
+    return "race:libembree3.so\nrace:libtbb.so\n";
+}
+#endif
+
 // Where an object's own mesh lies: its scene, and the way from world to mesh space.
 typedef struct object_place {
     uint32_t mesh_idx;
