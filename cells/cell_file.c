@@ -43,7 +43,7 @@ void hw_cell_chunks_free(hw_cell_chunks *chunks)
 
 static hw_status validate_counts(const hw_cell *c, const char *name)
 {
-    if (c->id.level < 0 || c->id.level > HW_CELL_LEVEL_MAX)
+    if (c->id.level < 0 || c->id.level >= HW_CELL_LEVELS_MAX)
         return hw_fail(HW_FORMAT, "%s: level %d", name, c->id.level);
     if (!hw_v3_finite(c->centre))
         return hw_fail(HW_FORMAT, "%s: the centre is not finite", name);

@@ -1,5 +1,7 @@
 #include "hexgrid_internal.h"
+#include "hierarchy.h"
 #include <assert.h>
+#include <stdlib.h>
 
 #define SQRT_3      1.7320508075688772
 #define HALF_SQRT_3 0.8660254037844386
@@ -29,7 +31,7 @@ hw_hexgrid hw_hexgrid_cover(double x_min, double y_min, double x_max, double y_m
     assert(cell_size > 0 && z_min <= z_max);
     double width = fmax(x_max - x_min, 0), height = fmax(y_max - y_min, 0);
     double half_row = HALF_SQRT_3 * cell_size;
-    hw_hexgrid grid = {.cell_size = cell_size, .z_min = z_min, .z_max = z_max};
+    hw_hexgrid grid = {.cell_size = cell_size, .z_min = z_min, .z_max = z_max, .levels = 1};
 
     // n columns cover without gaps from half a side before the first centre to half a side after
     // the last.
@@ -69,20 +71,25 @@ uint32_t hw_hexgrid_index(const hw_hexgrid *grid, hw_cell_id id)
 
 bool hw_hexgrid_contains(const hw_hexgrid *grid, hw_cell_id id)
 {
-    return id.level == 0 && id.q >= 0 && id.q < grid->columns && id.r >= 0 && id.r < grid->rows;
-}
-
-double hw_cell_side(const hw_hexgrid *grid, int32_t level)
-{
-    assert(level >= 0 && level <= HW_CELL_LEVEL_MAX);
-    return ldexp(grid->cell_size, level);
+    if (id.level == 0)
+        return id.q >= 0 && id.q < grid->columns && id.r >= 0 && id.r < grid->rows;
+    if (id.level < 0 || id.level >= grid->levels || abs(id.q) > HW_GRID_SIDE_MAX ||
+        abs(id.r) > HW_GRID_SIDE_MAX)
+        return false;
+    hw_cell_id children[HW_CELL_CHILDREN];
+    hw_cell_children(id, children);
+    for (int i = 0; i < HW_CELL_CHILDREN; i++)
+        if (hw_hexgrid_contains(grid, children[i]))
+            return true;
+    return false;
 }
 
 void hw_cell_centre_2d(const hw_hexgrid *grid, hw_cell_id id, double out[2])
 {
-    double side = hw_cell_side(grid, id.level);
-    out[0] = grid->origin_x + 1.5 * side * id.q;
-    out[1] = grid->origin_y + SQRT_3 * side * (id.r + 0.5 * (id.q & 1));
+    while (id.level > 0)
+        id = hw_cell_middle_child(id);
+    out[0] = grid->origin_x + 1.5 * grid->cell_size * id.q;
+    out[1] = grid->origin_y + SQRT_3 * grid->cell_size * (id.r + 0.5 * (id.q & 1));
 }
 
 void hw_cell_outline(const hw_hexgrid *grid, hw_cell_id id, double out[6][2])

@@ -2,8 +2,6 @@
 #pragma once
 #include "hexgrid.h"
 
-// Side length of the cells of a level.
-double hw_cell_side(const hw_hexgrid *grid, int32_t level);
 // Centre of a cell's hexagon.
 void hw_cell_centre_2d(const hw_hexgrid *grid, hw_cell_id id, double out[2]);
 // The hexagon's corners, counter-clockwise from +x.

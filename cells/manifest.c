@@ -49,7 +49,7 @@ static hw_status validate_head(const char *name, const hw_manifest *m)
     if (!isfinite(g->origin_x) || !isfinite(g->origin_y) || !isfinite(g->cell_size) ||
         g->cell_size <= 0 || !isfinite(g->z_min) || !isfinite(g->z_max) || g->z_min > g->z_max ||
         g->columns < 1 || g->columns > HW_GRID_SIDE_MAX || g->rows < 1 ||
-        g->rows > HW_GRID_SIDE_MAX)
+        g->rows > HW_GRID_SIDE_MAX || g->levels < 1 || g->levels > HW_CELL_LEVELS_MAX)
         return hw_fail(HW_FORMAT, "%s: \"grid\" is no grid", name);
     if (m->shard_count > 0 && m->shard_index >= m->shard_count)
         return hw_fail(HW_FORMAT, "%s: \"shard\" is not K of N", name);
@@ -100,8 +100,7 @@ static int compare_cells(const void *a, const void *b)
 static hw_status validate_cell(const char *name, const hw_manifest *m, uint32_t index)
 {
     const hw_manifest_cell *c = &m->cells[index];
-    bool inside = c->id.level == 0 ? hw_hexgrid_contains(&m->grid, c->id)
-                                   : c->id.level > 0 && c->id.level <= HW_CELL_LEVEL_MAX;
+    bool inside = hw_hexgrid_contains(&m->grid, c->id);
     if (!inside)
         return hw_fail(HW_FORMAT, "%s: cell %u (level %d, %d, %d) is not of the grid", name, index,
                        c->id.level, c->id.q, c->id.r);
@@ -161,6 +160,7 @@ static void add_grid(cJSON *json, const hw_hexgrid *g)
     hw_json_add_numbers(grid, "heights", heights, 2);
     hw_json_add_number(grid, "columns", g->columns);
     hw_json_add_number(grid, "rows", g->rows);
+    hw_json_add_number(grid, "levels", g->levels);
 }
 
 static void add_ground(cJSON *json, const hw_ground *g)
@@ -292,19 +292,21 @@ static hw_status get_grid(const char *name, const cJSON *json, hw_hexgrid *out)
 {
     const cJSON *grid;
     double origin[2], heights[2];
-    int64_t columns, rows;
+    int64_t columns, rows, levels;
     HW_TRY(hw_json_object(name, json, "grid", &grid));
     HW_TRY(hw_json_numbers(name, grid, "origin", origin, 2));
     HW_TRY(hw_json_number(name, grid, "cell_size", &out->cell_size));
     HW_TRY(hw_json_numbers(name, grid, "heights", heights, 2));
     HW_TRY(hw_json_integer(name, grid, "columns", 1, HW_GRID_SIDE_MAX, &columns));
     HW_TRY(hw_json_integer(name, grid, "rows", 1, HW_GRID_SIDE_MAX, &rows));
+    HW_TRY(hw_json_integer(name, grid, "levels", 1, HW_CELL_LEVELS_MAX, &levels));
     out->origin_x = origin[0];
     out->origin_y = origin[1];
     out->z_min = heights[0];
     out->z_max = heights[1];
     out->columns = (int32_t)columns;
     out->rows = (int32_t)rows;
+    out->levels = (int32_t)levels;
     return HW_OK;
 }
 

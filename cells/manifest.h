@@ -5,7 +5,7 @@
 #include "scene.h"
 #include "status.h"
 
-#define HW_MANIFEST_VERSION 1
+#define HW_MANIFEST_VERSION 2
 #define HW_SHARDS_MAX       1000000u
 
 typedef struct hw_manifest_object {

@@ -2,6 +2,7 @@
 #include "alloc.h"
 #include "cell_file.h"
 #include "file.h"
+#include "hierarchy.h"
 #include "log.h"
 #include "mesh_file.h"
 #include "parallel.h"
@@ -25,7 +26,8 @@ typedef struct merge {
     uint32_t part_count;
     const part **shards; // by index
     uint32_t shard_count, cell_count;
-    hw_manifest_cell *cells; // by index in the grid
+    hw_cell_id *ids;         // of all cells of the grid
+    hw_manifest_cell *cells; // in the same order
     hw_progress *progress;
     bool *copied; // per item: a file that was not there before
 } merge;
@@ -73,7 +75,7 @@ static bool same_grid(const hw_hexgrid *a, const hw_hexgrid *b)
 {
     return a->origin_x == b->origin_x && a->origin_y == b->origin_y &&
            a->cell_size == b->cell_size && a->z_min == b->z_min && a->z_max == b->z_max &&
-           a->columns == b->columns && a->rows == b->rows;
+           a->columns == b->columns && a->rows == b->rows && a->levels == b->levels;
 }
 
 static hw_status check_agreement(const part *a, const part *b)
@@ -106,12 +108,11 @@ static hw_status take_cells(merge *m, const part *p)
         owned += hw_shard_owns(manifest->shard_index, m->shard_count, i);
     for (uint32_t i = 0; i < manifest->cell_count; i++) {
         const hw_manifest_cell *cell = &manifest->cells[i];
-        bool inside = cell->id.level == 0 && hw_hexgrid_contains(&manifest->grid, cell->id);
-        uint32_t index = inside ? hw_hexgrid_index(&manifest->grid, cell->id) : 0;
-        if (!inside || !hw_shard_owns(manifest->shard_index, m->shard_count, index))
-            return hw_fail(HW_FORMAT, "%s: lists cell %d_%d, which is not of shard %u of %u",
-                           p->folder, cell->id.q, cell->id.r, manifest->shard_index + 1,
-                           m->shard_count);
+        uint32_t index = hw_hierarchy_find(m->ids, m->cell_count, cell->id);
+        if (index == m->cell_count || !hw_shard_owns(manifest->shard_index, m->shard_count, index))
+            return hw_fail(HW_FORMAT, "%s: lists cell %d/%d_%d, which is not of shard %u of %u",
+                           p->folder, cell->id.level, cell->id.q, cell->id.r,
+                           manifest->shard_index + 1, m->shard_count);
         m->cells[index] = *cell;
         taken++;
     }
@@ -127,7 +128,7 @@ static hw_status arrange(merge *m)
     for (uint32_t i = 1; i < m->part_count; i++)
         HW_TRY(check_agreement(first, &m->parts[i]));
     m->shard_count = first->manifest.shard_count;
-    m->cell_count = hw_hexgrid_cell_count(&first->manifest.grid);
+    HW_TRY(hw_hierarchy_cells(&first->manifest.grid, &m->ids, &m->cell_count));
     HW_TRY(HW_NEW(&m->shards, m->shard_count));
     for (uint32_t i = 0; i < m->part_count; i++) {
         const part *p = &m->parts[i], **slot = &m->shards[p->manifest.shard_index];
@@ -293,12 +294,15 @@ out:
     return status;
 }
 
-static const char *const folders_made[] = {"", "cells", "cells/0", "meshes"};
+// The last ones as the grid has levels.
+static const char *const folders_made[] = {"",        "cells",   "meshes",  "cells/0",
+                                           "cells/1", "cells/2", "cells/3", "cells/4"};
+_Static_assert(HW_CELL_LEVELS_MAX == 5, "a folder for each level");
 #define FOLDERS_MADE (sizeof folders_made / sizeof *folders_made)
 
 static hw_status make_folders(const merge *m, bool made[FOLDERS_MADE])
 {
-    for (size_t i = 0; i < FOLDERS_MADE; i++) {
+    for (size_t i = 0; i < 3 + (size_t)m->parts[0].manifest.grid.levels; i++) {
         char *path = NULL;
         HW_TRY(hw_path_join(&path, m->dataset, folders_made[i]));
         bool was_there = hw_path_exists(path);
@@ -398,6 +402,7 @@ out:
         hw_manifest_free(&m.parts[i].manifest);
     hw_free(m.parts);
     hw_free(m.shards);
+    hw_free(m.ids);
     hw_free(m.cells);
     hw_free(m.copied);
     return status;

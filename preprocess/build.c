@@ -2,6 +2,7 @@
 #include "alloc.h"
 #include "file.h"
 #include "hash.h"
+#include "hierarchy.h"
 #include "image_io.h"
 #include "import.h"
 #include "log.h"
@@ -28,7 +29,10 @@ typedef struct build {
     hw_chain *chains;
     hw_rays *rays;
     hw_capturer *capturer;
+    hw_occlusion *occlusion; // NULL without culling
     hw_hexgrid grid;
+    hw_cell_id *cells; // of all levels, as in the manifest
+    uint32_t cell_count;
     uint64_t scene_hash, key;
     int32_t *texture_of_material, texture_count;
     hw_progress *progress;
@@ -44,6 +48,7 @@ hw_build_options hw_build_defaults(void)
 {
     return (hw_build_options){
         .cell_size = 50,
+        .levels = 1,
         .z_min = 8,
         .z_max = 16,
         .near_error_px = 0.3,
@@ -55,6 +60,8 @@ hw_build_options hw_build_defaults(void)
                 .capture_side_max = 1024,
                 .capture_samples = 2},
         .chain = {.face_floor = 40, .importance_floor = 0.05f, .pull_back = 0.25f},
+        .cull_occluded = false,
+        .occlusion = hw_occlusion_defaults(),
     };
 }
 
@@ -71,6 +78,7 @@ static uint64_t make_key(const build *b)
     const hw_build_options *o = b->options;
     const double numbers[] = {HW_BUILD_VERSION,
                               o->cell_size,
+                              o->levels,
                               o->z_min,
                               o->z_max,
                               o->near_error_px,
@@ -82,7 +90,10 @@ static uint64_t make_key(const build *b)
                               o->far.capture_samples,
                               o->chain.face_floor,
                               o->chain.importance_floor,
-                              o->chain.pull_back};
+                              o->chain.pull_back,
+                              o->cull_occluded,
+                              o->cull_occluded ? o->occlusion.rays : 0,
+                              o->cull_occluded ? o->occlusion.margin : 0};
     uint64_t key = hw_hash(b->scene_hash, o->far.policy->name, strlen(o->far.policy->name));
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
         key = hash_number(key, numbers[i]);
@@ -97,8 +108,11 @@ static hw_hexgrid make_grid(const build *b)
     double least = GRID_SIDE_MIN * o->cell_size;
     double grow_x = fmax(0, (least - (box.max.x - box.min.x)) / 2),
            grow_y = fmax(0, (least - (box.max.y - box.min.y)) / 2);
-    return hw_hexgrid_cover(box.min.x - grow_x, box.min.y - grow_y, box.max.x + grow_x,
-                            box.max.y + grow_y, o->cell_size, ground + o->z_min, ground + o->z_max);
+    hw_hexgrid grid =
+        hw_hexgrid_cover(box.min.x - grow_x, box.min.y - grow_y, box.max.x + grow_x,
+                         box.max.y + grow_y, o->cell_size, ground + o->z_min, ground + o->z_max);
+    grid.levels = o->levels;
+    return grid;
 }
 
 static hw_status load_scene(build *b)
@@ -113,6 +127,7 @@ static hw_status load_scene(build *b)
     b->scene_hash = hw_scene_hash(&b->scene);
     b->key = make_key(b);
     b->grid = make_grid(b);
+    HW_TRY(hw_hierarchy_cells(&b->grid, &b->cells, &b->cell_count));
     b->report->import_seconds = (hw_clock_ms() - start) / 1000;
     return HW_OK;
 }
@@ -316,6 +331,7 @@ static hw_status build_cell(build *b, hw_cell_id id, const char *path, uint32_t 
     hw_cell_inputs inputs = {.scene = &b->scene,
                              .chains = b->chains,
                              .capturer = b->capturer,
+                             .occlusion = b->occlusion,
                              .grid = &b->grid,
                              .far = b->options->far,
                              .near_error_px = b->options->near_error_px,
@@ -339,8 +355,9 @@ static hw_status make_cell(void *context, uint64_t index, uint32_t thread)
     build *b = context;
     hw_status status = HW_OK;
     char *path = NULL;
-    hw_cell_id id = hw_hexgrid_cell(&b->grid, (uint32_t)index);
-    if (!owns(b, (uint32_t)index))
+    uint32_t place = b->cell_count - 1 - (uint32_t)index; // groups first: they take longest
+    hw_cell_id id = b->cells[place];
+    if (!owns(b, place))
         return HW_OK;
     HW_GO(hw_cell_path(&path, b->options->dataset, id));
     if (hw_cell_is_current(path, b->key)) {
@@ -371,6 +388,8 @@ static hw_status make_rays(build *b)
         HW_GO(hw_rays_create_scene(&b->rays, &b->scene));
     }
     HW_GO(hw_capturer_create(&b->scene, b->rays, &b->capturer));
+    if (b->options->cull_occluded)
+        HW_GO(hw_occlusion_create(&b->occlusion, &b->scene, b->rays, &b->options->occlusion));
     b->report->rays_seconds = (hw_clock_ms() - start) / 1000;
 out:
     hw_free(keys);
@@ -381,7 +400,7 @@ static hw_status make_cells(build *b)
 {
     hw_status status = HW_OK;
     double start = hw_clock_ms();
-    uint32_t count = hw_hexgrid_cell_count(&b->grid), mine = 0;
+    uint32_t count = b->cell_count, mine = 0;
     for (uint32_t i = 0; i < count; i++)
         mine += owns(b, i);
     b->report->cells_total = count;
@@ -454,12 +473,11 @@ static bool count_near(build *b, bool is_mesh, uint32_t index)
 static void count_files(build *b, bool all, hw_manifest *m)
 {
     hw_build_report *r = b->report;
-    uint32_t count = hw_hexgrid_cell_count(&b->grid);
+    uint32_t count = b->cell_count;
     r->bytes = r->mesh_bytes = r->texture_bytes = r->near_bytes = 0;
     r->cells_missing = r->meshes_missing = m->cell_count = 0;
     for (uint32_t i = 0; i < count; i++)
-        if ((all || owns(b, i)) &&
-            !count_cell(b, hw_hexgrid_cell(&b->grid, i), &m->cells[m->cell_count++]))
+        if ((all || owns(b, i)) && !count_cell(b, b->cells[i], &m->cells[m->cell_count++]))
             r->cells_missing++;
     for (uint32_t i = 0; i < b->scene.mesh_count; i++)
         if (all || owns(b, i))
@@ -492,7 +510,7 @@ static hw_status write_manifest(build *b, double start_ms)
     hw_status status = HW_OK;
     const hw_build_options *o = b->options;
     hw_manifest m = {0};
-    HW_GO(HW_NEW(&m.cells, hw_hexgrid_cell_count(&b->grid)));
+    HW_GO(HW_NEW(&m.cells, b->cell_count));
     count_files(b, true, &m);
     uint32_t cells_missing = b->report->cells_missing, meshes_missing = b->report->meshes_missing;
     bool whole = cells_missing + meshes_missing == 0;
@@ -536,17 +554,26 @@ out:
 
 // ---- the whole -------------------------------------------------------------------------------
 
+static hw_status make_folder(const build *b, const char *name)
+{
+    char *path = NULL;
+    HW_TRY(hw_path_join(&path, b->options->dataset, name));
+    hw_status status = hw_dir_make(path);
+    if (status == HW_OK)
+        status = hw_dir_clean_temporary(path);
+    hw_free(path);
+    return status;
+}
+
 static hw_status make_folders(const build *b)
 {
-    static const char *const folders[] = {"", "cells", "cells/0", "meshes"};
-    for (size_t i = 0; i < sizeof folders / sizeof *folders; i++) {
-        char *path = NULL;
-        HW_TRY(hw_path_join(&path, b->options->dataset, folders[i]));
-        hw_status status = hw_dir_make(path);
-        if (status == HW_OK)
-            status = hw_dir_clean_temporary(path);
-        hw_free(path);
-        HW_TRY(status);
+    HW_TRY(make_folder(b, ""));
+    HW_TRY(make_folder(b, "cells"));
+    HW_TRY(make_folder(b, "meshes"));
+    for (int32_t l = 0; l < b->grid.levels; l++) {
+        char name[32];
+        snprintf(name, sizeof name, "cells/%d", l);
+        HW_TRY(make_folder(b, name));
     }
     return HW_OK;
 }
@@ -554,6 +581,7 @@ static hw_status make_folders(const build *b)
 static void release(build *b)
 {
     hw_capturer_destroy(b->capturer);
+    hw_occlusion_destroy(b->occlusion);
     hw_rays_destroy(b->rays);
     hw_budget_destroy(b->budget);
     for (uint32_t i = 0; b->chains && i < b->scene.mesh_count; i++)
@@ -563,6 +591,7 @@ static void release(build *b)
     hw_free(b->order);
     hw_free(b->backwards);
     hw_free(b->texture_of_material);
+    hw_free(b->cells);
     hw_scene_free(&b->scene);
     pthread_mutex_destroy(&b->mutex);
 }

@@ -1,18 +1,22 @@
 // The build: scene in, dataset out. Stages: import, chains, meshes, cells, manifest.
 #pragma once
 #include "build_cell.h"
+#include "occlusion.h"
 #include <stdatomic.h>
 
 // Raise when the content of cells or meshes changes for the same input: it is part of every key.
-#define HW_BUILD_VERSION 1u
+#define HW_BUILD_VERSION 2u
 
 typedef struct hw_build_options {
     const char *scene_path, *dataset;
     double cell_size;
+    int32_t levels;      // of cells, 1 to HW_CELL_LEVELS_MAX
     double z_min, z_max; // heights above the ground at which eyes may be
     double near_error_px;
     hw_far_options far;
     hw_chain_options chain;
+    bool cull_occluded; // leave out of a cell what cannot be seen from it
+    hw_occlusion_options occlusion;
     uint32_t threads; // 0 = default
     uint32_t shard_index,
         shard_count;       // this run makes every shard_count-th cell and mesh; count 0 or 1 = all

@@ -2,10 +2,17 @@
 #include "alloc.h"
 #include "atlas.h"
 #include "block.h"
+#include "hierarchy.h"
 #include "system.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+
+// A group of cells stands for an object from this many of its sides away.
+#define GROUP_DISTANCE 2.0
+// A capture is at most this much larger than the object's angle tells: windows lie askew, and the
+// nearest viewer counts.
+#define GROUP_WINDOW 2.0
 
 typedef struct sorted_svmesh {
     double azimuth;
@@ -53,6 +60,46 @@ static double transform_scale(const hw_mat4 *m)
         most = fmax(most, sqrt(m->m[4 * c] * m->m[4 * c] + m->m[4 * c + 1] * m->m[4 * c + 1] +
                                m->m[4 * c + 2] * m->m[4 * c + 2]));
     return most;
+}
+
+// Whether the cell of a higher level stands for an object, for all the cells that it groups. Told
+// from the object's box alone, so that every cell comes to the same answer without deriving
+// anything; an object that passes can be derived from the cell: it lies two cell sides away at
+// least, its self-occluding error stays below the limit however it is shaped, and its capture is
+// not too large.
+static bool group_serves(const hw_cell_inputs *in, const hw_cell_view *view, hw_box box)
+{
+    const double image = HW_REFERENCE_IMAGE_PX;
+    double nearest = hw_region_distance_to(view->grid, view->id, box).nearest;
+    if (nearest < GROUP_DISTANCE * view->size)
+        return false;
+    double least = INFINITY, most = 0, angle = 0;
+    for (uint32_t i = 0; i < 8; i++) {
+        hw_vec3 rel = hw_v3_sub(hw_box_corner(box, i), view->centre);
+        most = fmax(most, hypot((double)rel.x, (double)rel.y));
+    }
+    double x = fmax(fmax((double)box.min.x - (double)view->centre.x,
+                         (double)view->centre.x - (double)box.max.x),
+                    0);
+    double y = fmax(fmax((double)box.min.y - (double)view->centre.y,
+                         (double)view->centre.y - (double)box.max.y),
+                    0);
+    least = hypot(x, y);
+    angle = (double)hw_box_diagonal(box) / nearest;
+    return hw_self_occluding_error(view->size, least, most - least, image) <
+               in->far.self_occlusion_px &&
+           GROUP_WINDOW * angle * view->focal_px < in->far.capture_side_max;
+}
+
+// Whether the object is this cell's to draw: no group above it serves the object, and a group
+// serves it itself.
+static bool is_ours(const hw_cell_inputs *in, const hw_cell_view *view, const hw_cell_view *groups,
+                    hw_box box)
+{
+    for (int32_t l = view->id.level + 1; l < in->grid->levels; l++)
+        if (group_serves(in, &groups[l], box))
+            return false;
+    return view->id.level == 0 || group_serves(in, view, box);
 }
 
 static hw_status add_object(const hw_cell_inputs *in, const hw_cell_view *view,
@@ -186,16 +233,28 @@ static hw_status add_objects(const hw_cell_inputs *in, const hw_cell_view *view,
     far.policy = &timed.policy;
     double start = hw_clock_ms(), captured = hw_capture_thread_seconds();
     uint32_t count = in->scene->object_count;
+    bool *seen = NULL;
+    hw_cell_view groups[HW_CELL_LEVELS_MAX]; // that hold the cell, by level
+    for (int32_t l = view->id.level + 1; l < in->grid->levels; l++)
+        groups[l] = hw_cell_view_make(in->grid, hw_cell_ancestor(view->id, l));
     HW_GO(HW_NEW(&a->near, count));
     HW_GO(HW_NEW(&a->far, count));
+    if (in->occlusion && view->id.level == 0) { // a group is too large to be sampled as densely
+        HW_GO(HW_NEW(&seen, count));
+        HW_GO(hw_occlusion_query(in->occlusion, in->grid, view->id, seen));
+    }
     for (uint32_t i = 0; i < count; i++) {
         uint32_t k = in->backwards ? count - 1 - i : i, object_idx = in->order ? in->order[k] : k;
+        if ((seen && !seen[object_idx]) ||
+            !is_ours(in, view, groups, in->scene->objects[object_idx].bounds))
+            continue;
         HW_GO(hw_budget_use(in->budget, in->scene->objects[object_idx].mesh_idx));
         HW_GO(add_object(in, view, &far, object_idx, a));
     }
     qsort(a->near, a->near_count, sizeof *a->near, by_object);
     qsort(a->far, a->far_count, sizeof *a->far, by_azimuth);
 out:
+    hw_free(seen);
     captured = hw_capture_thread_seconds() - captured;
     double simplified = (timed.ms - timed.capture_ms) / 1000;
     seconds->capture += captured;
@@ -215,6 +274,9 @@ hw_status hw_build_cell(const hw_cell_inputs *in, hw_cell_id id, hw_cell *out,
     out->centre = view.centre;
     out->key = in->key;
     HW_GO(add_objects(in, &view, &a, seconds));
+    if (id.level > 0 && a.near_count > 0)
+        HW_GO(hw_fail(HW_INTERNAL, "object %u cannot be drawn from cell %d/%d_%d",
+                      a.near[0].object_idx, id.level, id.q, id.r));
     double start = hw_clock_ms();
     out->near = a.near;
     out->near_count = a.near_count;

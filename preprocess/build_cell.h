@@ -1,6 +1,7 @@
 // Makes one cell: sorts the objects into near and far, derives the SVMeshes, packs them.
 #pragma once
 #include "budget.h"
+#include "occlusion.h"
 #include "svmesh.h"
 
 // Seconds of work, added up over the threads.
@@ -13,6 +14,7 @@ typedef struct hw_cell_inputs {
     const hw_scene *scene;
     const hw_chain *chains; // per mesh of the scene
     const hw_capturer *capturer;
+    const hw_occlusion *occlusion; // NULL: whatever faces the cell is stored
     const hw_hexgrid *grid;
     hw_far_options far;
     double near_error_px;

@@ -82,7 +82,7 @@ static hw_status weigh(const hw_svmesh_job *job, const hw_mesh *level,
     hw_capture capture = {0};
     uint8_t *categories = NULL;
     const hw_mat4 *transform = &job->scene->objects[job->object_idx].transform;
-    double focal = job->view->focal_px, parallax = focal * job->view->grid->cell_size;
+    double focal = job->view->focal_px, parallax = focal * job->view->size;
     HW_GO(hw_capture_object(job->capturer, job->object_idx, window, 1, &capture));
     HW_GO(HW_NEW(&categories, (size_t)capture.width * capture.height));
     HW_GO(hw_classify(capture.depths, capture.width, capture.height, NULL, categories));

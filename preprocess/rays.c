@@ -424,7 +424,9 @@ static void cast_packet(RTCScene scene, struct RTCIntersectContext *context,
     rtcIntersect16(valid, scene, context, packet);
     for (uint32_t i = 0; i < count; i++) {
         bool hit = packet->hit.geomID[i] != RTC_INVALID_GEOMETRY_ID;
+        uint32_t object_idx = packet->hit.instID[0][i];
         hits[i].t = hit ? packet->ray.tfar[i] : INFINITY;
+        hits[i].object_idx = hit && object_idx != RTC_INVALID_GEOMETRY_ID ? object_idx : 0;
         hits[i].triangle_idx = hit ? packet->hit.primID[i] : 0;
         hits[i].u = hit ? packet->hit.u[i] : 0;
         hits[i].v = hit ? packet->hit.v[i] : 0;
@@ -438,6 +440,21 @@ static struct RTCIntersectContext packet_context(bool coherent)
     context.flags =
         coherent ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
     return context;
+}
+
+void hw_rays_cast_many(const hw_rays *rays, hw_vec3 origin, const hw_vec3 *directions,
+                       uint32_t count, float t_min, hw_hit *hits)
+{
+    struct RTCIntersectContext context = packet_context(true);
+    for (uint32_t first = 0; first < count; first += PACKET) {
+        uint32_t n = count - first < PACKET ? count - first : PACKET;
+        struct RTCRayHit16 packet;
+        for (uint32_t i = 0; i < PACKET; i++) {
+            set_packet_ray(&packet, i, origin, directions[first + (i < n ? i : 0)], INFINITY);
+            packet.ray.tnear[i] = t_min > 0 ? t_min : 0;
+        }
+        cast_packet(rays->top, &context, &packet, n, hits + first);
+    }
 }
 
 void hw_rays_cast_object_many(const hw_rays *rays, uint32_t object_idx, hw_vec3 origin,
@@ -474,8 +491,6 @@ void hw_rays_cast_parallel(const hw_rays *rays, const hw_vec3 *origins, hw_vec3 
         for (uint32_t i = 0; i < PACKET; i++)
             set_packet_ray(&packet, i, origins[first + (i < n ? i : 0)], direction, INFINITY);
         cast_packet(rays->top, &context, &packet, n, hits + first);
-        for (uint32_t i = 0; i < n; i++)
-            hits[first + i].object_idx = 0;
     }
 }
 

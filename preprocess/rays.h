@@ -44,7 +44,12 @@ typedef struct hw_hit {
 // Nearest hit along origin + t direction, t in [t_min, t_max].
 hw_hit hw_rays_cast(const hw_rays *rays, hw_vec3 origin, hw_vec3 direction, float t_min,
                     float t_max);
-// The same against one object of a scene only (through its own mesh; not occluded by others).
+// `count` rays of one origin against the whole scene, t in [t_min, INFINITY), in packets of 16:
+// fastest where each run of 16 directions lies close together. hits holds `count`.
+void hw_rays_cast_many(const hw_rays *rays, hw_vec3 origin, const hw_vec3 *directions,
+                       uint32_t count, float t_min, hw_hit *hits);
+// The same as hw_rays_cast against one object of a scene only (through its own mesh; not occluded
+// by others).
 hw_hit hw_rays_cast_object(const hw_rays *rays, uint32_t object_idx, hw_vec3 origin,
                            hw_vec3 direction, float t_min, float t_max);
 // `count` rays of one origin against one object, t in [0, t_max]: the same hits in packets, up to

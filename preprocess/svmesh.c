@@ -61,7 +61,7 @@ void hw_svmesh_free(hw_svmesh *svmesh)
 
 hw_cell_view hw_cell_view_make(const hw_hexgrid *grid, hw_cell_id id)
 {
-    hw_cell_view view = {.grid = grid, .id = id, .centre = hw_cell_centre(grid, id)};
+    hw_cell_view view = {.grid = grid, .id = id, .centre = hw_cell_centre(grid, id), .size = hw_cell_side(grid, id.level)};
     hw_cell_corners(grid, id, view.corners);
     view.focal_px = HW_REFERENCE_IMAGE_PX / 2 / tan(HW_REFERENCE_FOV_DEGREES / 2 * HW_PI / 180);
     return view;
@@ -76,7 +76,7 @@ bool hw_svmesh_project(const hw_svmesh_job *job, hw_vec3 world, double image[3])
         return false;
     image[0] = focal * hw_v3_dot(rel, right) / depth;
     image[1] = focal * hw_v3_dot(rel, up) / depth;
-    image[2] = focal * job->view->grid->cell_size / depth;
+    image[2] = focal * job->view->size / depth;
     return true;
 }
 
@@ -107,7 +107,7 @@ static void image_bounds(const hw_view_mesh *mesh, double min[3], double max[3])
 // cell, looking at the nearest part.
 static double capture_density(const hw_svmesh_job *job, double parallax_max)
 {
-    double depth = job->view->focal_px * job->view->grid->cell_size / parallax_max;
+    double depth = job->view->focal_px * job->view->size / parallax_max;
     double nearest = fmax(job->distance.nearest, 1e-3);
     return job->view->focal_px * fmax(1, depth / nearest);
 }
@@ -178,7 +178,7 @@ static hw_status quantise_mesh(const hw_svmesh_job *job, const hw_view_mesh *mes
     hw_far_record *record = &out->record;
     uint32_t *remap = NULL;
     double min[3], max[3], focal = job->view->focal_px,
-                           parallax = focal * job->view->grid->cell_size;
+                           parallax = focal * job->view->size;
     image_bounds(mesh, min, max);
     record->iz_min = (float)(min[2] / parallax);
     record->iz_max = (float)fmax(max[2] / parallax, record->iz_min * (1 + 1e-5));
@@ -264,7 +264,7 @@ static double self_occlusion(const hw_svmesh_job *job)
     }
     if (!(least < INFINITY))
         return 0; // nothing faces the cell
-    return hw_self_occluding_error(job->view->grid->cell_size, least, most - least,
+    return hw_self_occluding_error(job->view->size, least, most - least,
                                    HW_REFERENCE_IMAGE_PX);
 }
 

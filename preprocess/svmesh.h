@@ -34,6 +34,7 @@ typedef struct hw_cell_view {
     hw_cell_id id;
     hw_vec3 centre;
     hw_vec3 corners[HW_CELL_CORNERS];
+    double size;     // side length of the cell
     double focal_px; // of the reference view
 } hw_cell_view;
 hw_cell_view hw_cell_view_make(const hw_hexgrid *grid, hw_cell_id id);

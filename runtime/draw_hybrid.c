@@ -3,13 +3,14 @@
 #include "alloc.h"
 #include "cell_gpu.h"
 #include "ground.h"
+#include "hierarchy.h"
 #include "near_meshes.h"
 #include "renderer_internal.h"
 #include "shaders.h"
 #include "system.h"
 #include <string.h>
 
-#define CELLS_MAX         8u
+#define CELLS_MAX         12u
 #define CELL_BYTES_BUDGET (UINT64_C(24) << 20) // of GPU memory, but the current cell always stays
 #define NEAR_BYTES_BUDGET (UINT64_C(96) << 20)
 
@@ -58,7 +59,7 @@ typedef struct hybrid {
     GLint far_first_record;
     hw_gpu_buffer far_uniforms;
     hw_gpu_pace pace;
-    // Scratch for the records and near objects of any loaded cell; capacities in items.
+    // Scratch for the near objects and far records of a frame's cells; capacities in items.
     size_t near_capacity, far_capacity;
     uint32_t *visible;
     hw_cull_item *order, *order_scratch;
@@ -155,10 +156,14 @@ static size_t page_count(size_t records)
     return (records + HW_FAR_PAGE_RECORDS - 1) / HW_FAR_PAGE_RECORDS;
 }
 
-// Scratch that suffices for the cell.
-static hw_status reserve_scratch(hybrid *h, const hw_cell_gpu *cell)
+// Scratch that suffices for the cells of a frame, one of each level.
+static hw_status reserve_scratch(hybrid *h, hw_cell_gpu *const *cells)
 {
-    size_t near = cell->near_count, far = page_count(cell->far_count) * HW_FAR_PAGE_RECORDS;
+    size_t near = cells[0]->near_count, far = 0;
+    for (int32_t l = 0; l < h->manifest.grid.levels; l++)
+        far += page_count(cells[l]->far_count) * HW_FAR_PAGE_RECORDS;
+    if (near <= h->near_capacity && far <= h->far_capacity)
+        return HW_OK;
     if (near > h->near_capacity) {
         HW_TRY(HW_RESIZE(&h->order, near));
         HW_TRY(HW_RESIZE(&h->order_scratch, near));
@@ -179,7 +184,7 @@ static hw_status reserve_scratch(hybrid *h, const hw_cell_gpu *cell)
 }
 
 // A slot for one more cell: empty ones first, else the cells drawn longest ago go until count and
-// bytes are within their limits.
+// bytes are within their limits. Those of this frame stay.
 static hw_cell_gpu *make_room(hybrid *h)
 {
     while (true) {
@@ -190,7 +195,7 @@ static hw_cell_gpu *make_room(hybrid *h)
             bytes += cell->gpu_bytes;
             if (!cell->loaded)
                 empty = cell;
-            else if (!oldest || cell->used < oldest->used)
+            else if (cell->used < h->frame && (!oldest || cell->used < oldest->used))
                 oldest = cell;
         }
         if (empty && (bytes <= CELL_BYTES_BUDGET || !oldest))
@@ -206,7 +211,7 @@ static hw_status load_cell(hybrid *h, hw_cell_id id, hw_frame_stats *stats, hw_c
     stats->stalls = 1;
     HW_TRY(hw_cell_gpu_load(h->account, h->dataset, &h->manifest, id, cell));
     stats->loaded_bytes += cell->file_bytes;
-    hw_status status = reserve_scratch(h, cell);
+    hw_status status = HW_OK;
     for (uint32_t i = 0; status == HW_OK && i < cell->near_count; i++) {
         const hw_manifest_object *object = &h->manifest.objects[cell->near[i].object_idx];
         status = hw_near_meshes_open(h->meshes, object->mesh_idx, object->texture_idx, stats);
@@ -217,22 +222,33 @@ static hw_status load_cell(hybrid *h, hw_cell_id id, hw_frame_stats *stats, hw_c
     return status;
 }
 
-static hw_status find_cell(hybrid *h, const hw_camera *camera, hw_frame_stats *stats,
-                           hw_cell_gpu **out)
+static hw_status find_cell(hybrid *h, hw_cell_id id, hw_frame_stats *stats, hw_cell_gpu **out)
+{
+    *out = NULL;
+    for (uint32_t i = 0; i < CELLS_MAX && !*out; i++) {
+        hw_cell_gpu *cell = &h->cells[i];
+        if (cell->loaded && cell->id.level == id.level && cell->id.q == id.q && cell->id.r == id.r)
+            *out = cell;
+    }
+    if (!*out)
+        HW_TRY(load_cell(h, id, stats, out));
+    (*out)->used = h->frame;
+    return HW_OK;
+}
+
+// The viewer's cell of each level.
+static hw_status find_cells(hybrid *h, const hw_camera *camera, hw_frame_stats *stats,
+                            hw_cell_gpu *out[HW_CELL_LEVELS_MAX])
 {
     hw_cell_id id = hw_hexgrid_locate(&h->manifest.grid, camera->eye.x, camera->eye.y);
     stats->cell_q = id.q;
     stats->cell_r = id.r;
     stats->cell_level = id.level;
-    for (uint32_t i = 0; i < CELLS_MAX; i++) {
-        hw_cell_gpu *cell = &h->cells[i];
-        if (cell->loaded && cell->id.level == id.level && cell->id.q == id.q &&
-            cell->id.r == id.r) {
-            *out = cell;
-            return HW_OK;
-        }
+    for (int32_t l = 0; l < h->manifest.grid.levels; l++) {
+        HW_TRY(find_cell(h, id, stats, &out[l]));
+        id = hw_cell_parent(id);
     }
-    return load_cell(h, id, stats, out);
+    return reserve_scratch(h, out);
 }
 
 // ---- near objects ----------------------------------------------------------------------------
@@ -327,50 +343,83 @@ static void draw_range(hybrid *h, const hw_cell_gpu *cell, uint32_t first, uint3
     }
 }
 
-// Draws the visible records [begin, end) of h->visible, all of one page.
-static void draw_page(hybrid *h, const hw_cell_gpu *cell, uint32_t begin, uint32_t end,
+// Visible records of one cell. Its uniforms start at a page of the frame's, its entries of
+// h->visible, rising, at first_visible.
+typedef struct far_list {
+    const hw_cell_gpu *cell;
+    uint32_t first_page, first_visible, count;
+} far_list;
+
+// Draws the visible records [begin, end) of the list, all of one page.
+static void draw_page(hybrid *h, const far_list *list, uint32_t begin, uint32_t end,
                       hw_frame_stats *stats)
 {
-    uint32_t page = h->visible[begin] / HW_FAR_PAGE_RECORDS;
+    const uint32_t *visible = h->visible + list->first_visible;
+    uint32_t page = visible[begin] / HW_FAR_PAGE_RECORDS;
     glUniform1i(h->far_first_record, (GLint)(page * HW_FAR_PAGE_RECORDS));
-    glBindBufferRange(GL_UNIFORM_BUFFER, 0, h->far_uniforms.name, (GLintptr)(page * PAGE_BYTES),
-                      PAGE_BYTES);
+    glBindBufferRange(GL_UNIFORM_BUFFER, 0, h->far_uniforms.name,
+                      (GLintptr)((list->first_page + page) * PAGE_BYTES), PAGE_BYTES);
     uint32_t start = begin;
     for (uint32_t i = begin + 1; i <= end; i++) {
-        if (i < end && h->visible[i] == h->visible[i - 1] + 1)
+        if (i < end && visible[i] == visible[i - 1] + 1)
             continue;
-        draw_range(h, cell, h->visible[start], h->visible[i - 1] + 1, stats);
+        draw_range(h, list->cell, visible[start], visible[i - 1] + 1, stats);
         start = i;
     }
 }
 
-static void draw_far(hybrid *h, const hw_cell_gpu *cell, const hw_mat4 *matrix,
-                     const hw_frustum *frustum, hw_frame_stats *stats)
+// Culls the cell's records and fills the uniforms of those that are left.
+static far_list list_far(hybrid *h, const hw_cell_gpu *cell, const hw_mat4 *matrix,
+                         const hw_frustum *frustum, uint32_t first_page)
 {
-    uint32_t count = hw_cull_visible(&cell->far_bounds, frustum, h->visible);
-    if (count == 0)
-        return;
-    for (uint32_t i = 0; i < count; i++) {
-        const hw_far_draw *far = &cell->far[h->visible[i]];
-        far_uniform *uniform = &h->far[h->visible[i]];
+    far_list list = {cell, first_page, first_page * HW_FAR_PAGE_RECORDS, 0};
+    uint32_t *visible = h->visible + list.first_visible;
+    list.count = hw_cull_visible(&cell->far_bounds, frustum, visible);
+    for (uint32_t i = 0; i < list.count; i++) {
+        const hw_far_draw *far = &cell->far[visible[i]];
+        far_uniform *uniform = &h->far[list.first_visible + visible[i]];
         hw_mat4 product = hw_mat4_mul(*matrix, far->matrix);
         hw_mat4_to_float(&product, uniform->clip);
         memcpy(uniform->texture, far->texture, sizeof uniform->texture);
     }
-    glUseProgram(h->far_program);
-    glBindTexture(GL_TEXTURE_2D, cell->atlas.name);
-    glBindVertexArray(cell->array);
-    glBindBuffer(GL_UNIFORM_BUFFER, h->far_uniforms.name);
-    glBufferSubData(GL_UNIFORM_BUFFER, 0, (GLsizeiptr)(page_count(cell->far_count) * PAGE_BYTES),
-                    h->far);
+    return list;
+}
+
+static void draw_list(hybrid *h, const far_list *list, hw_frame_stats *stats)
+{
+    const uint32_t *visible = h->visible + list->first_visible;
+    if (list->count == 0)
+        return;
+    glBindTexture(GL_TEXTURE_2D, list->cell->atlas.name);
+    glBindVertexArray(list->cell->array);
     uint32_t begin = 0;
-    for (uint32_t i = 1; i <= count; i++) {
-        if (i < count &&
-            h->visible[i] / HW_FAR_PAGE_RECORDS == h->visible[begin] / HW_FAR_PAGE_RECORDS)
+    for (uint32_t i = 1; i <= list->count; i++) {
+        if (i < list->count &&
+            visible[i] / HW_FAR_PAGE_RECORDS == visible[begin] / HW_FAR_PAGE_RECORDS)
             continue;
-        draw_page(h, cell, begin, i, stats);
+        draw_page(h, list, begin, i, stats);
         begin = i;
     }
+}
+
+// Level by level, near to far; the uniforms of all go up before the first is drawn.
+static void draw_far(hybrid *h, hw_cell_gpu *const *cells, const hw_mat4 *matrix,
+                     const hw_frustum *frustum, hw_frame_stats *stats)
+{
+    far_list lists[HW_CELL_LEVELS_MAX];
+    uint32_t pages = 0, count = 0;
+    for (int32_t l = 0; l < h->manifest.grid.levels; l++) {
+        lists[l] = list_far(h, cells[l], matrix, frustum, pages);
+        pages += (uint32_t)page_count(cells[l]->far_count);
+        count += lists[l].count;
+    }
+    if (count == 0)
+        return;
+    glUseProgram(h->far_program);
+    glBindBuffer(GL_UNIFORM_BUFFER, h->far_uniforms.name);
+    glBufferSubData(GL_UNIFORM_BUFFER, 0, (GLsizeiptr)(pages * PAGE_BYTES), h->far);
+    for (int32_t l = 0; l < h->manifest.grid.levels; l++)
+        draw_list(h, &lists[l], stats);
 }
 
 // ---- frames ----------------------------------------------------------------------------------
@@ -378,7 +427,7 @@ static void draw_far(hybrid *h, const hw_cell_gpu *cell, const hw_mat4 *matrix,
 typedef struct frame_view {
     hw_mat4 matrix;
     hw_frustum frustum;
-    hw_cell_gpu *cell;
+    hw_cell_gpu *cells[HW_CELL_LEVELS_MAX];
     uint32_t near_count;
 } frame_view;
 
@@ -390,11 +439,9 @@ static hw_status begin_frame(hybrid *h, const hw_camera *camera, hw_frame_stats 
     h->frame++;
     view->matrix = hw_camera_view_projection(camera);
     view->frustum = hw_frustum_make(&view->matrix);
-    hw_status status = find_cell(h, camera, stats, &view->cell);
-    if (status == HW_OK) {
-        view->cell->used = h->frame;
-        status = choose_near(h, view->cell, camera, &view->frustum, stats, &view->near_count);
-    }
+    hw_status status = find_cells(h, camera, stats, view->cells);
+    if (status == HW_OK)
+        status = choose_near(h, view->cells[0], camera, &view->frustum, stats, &view->near_count);
     if (stats->stalls)
         stats->load_ms = hw_clock_ms() - start;
     return status;
@@ -415,7 +462,7 @@ static hw_status hybrid_draw(void *state, const hw_camera *camera, hw_frame_stat
     hw_ground_gl_draw(&h->ground, &view.matrix, stats);
     hw_gpu_pace_flush(&h->pace);
     draw_near(h, view.near_count, &view.matrix, stats);
-    draw_far(h, view.cell, &view.matrix, &view.frustum, stats);
+    draw_far(h, view.cells, &view.matrix, &view.frustum, stats);
     glBindVertexArray(0);
     stats->triangles += stats->near_triangles + stats->far_triangles;
     return HW_OK;

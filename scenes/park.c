@@ -1,15 +1,17 @@
 #include "park.h"
 #include "alloc.h"
+#include "court.h"
 #include "rng.h"
 #include "statues.h"
 #include <stdlib.h>
 #include <string.h>
 
-enum { DEMO, PARK_2M, PARK_4M, PARK_8M, PRESET_COUNT };
+enum { DEMO, PARK_2M, PARK_4M, PARK_8M, COURT, PRESET_COUNT };
 
 // Thesis, table 5.2: how many of each kind the three parks hold, and its largest dimension. Where
 // the thesis has a statue that nobody can download, one of about its face count and size stands in:
-// man for "statue", bull for "cattle", homer for "easter", head for "venus".
+// man for "statue", bull for "cattle", homer for "easter", head for "venus". The courts hold the
+// statues of 4m but its dragons.
 typedef struct park_kind {
     const char *statue;
     float largest; // units
@@ -17,15 +19,15 @@ typedef struct park_kind {
 } park_kind;
 
 static const park_kind kinds[] = {
-    {"dragon", 57.3f, {0, 4, 10, 18}},    {"bunny", 43.6f, {2, 7, 12, 26}},
-    {"man", 23.4f, {4, 13, 21, 40}},      {"bull", 40.8f, {4, 9, 19, 42}},
-    {"horse", 82.6f, {5, 13, 29, 51}},    {"homer", 30.8f, {4, 6, 14, 22}},
-    {"camel", 49.4f, {4, 4, 14, 26}},     {"head", 21.9f, {3, 8, 13, 28}},
-    {"elephant", 60.0f, {1, 0, 0, 0}},    {"armadillo", 40.0f, {2, 0, 0, 0}},
-    {"guardian", 45.0f, {5, 0, 0, 0}},    {"lion", 30.0f, {3, 0, 0, 0}},
-    {"devil", 26.0f, {3, 0, 0, 0}},       {"cow", 36.0f, {4, 0, 0, 0}},
-    {"diplodocus", 75.0f, {2, 0, 0, 0}},  {"dinosaur", 50.0f, {3, 0, 0, 0}},
-    {"triceratops", 52.0f, {3, 0, 0, 0}}, {"fist", 18.0f, {2, 0, 0, 0}},
+    {"dragon", 57.3f, {0, 4, 10, 18, 0}},    {"bunny", 43.6f, {2, 7, 12, 26, 12}},
+    {"man", 23.4f, {4, 13, 21, 40, 21}},     {"bull", 40.8f, {4, 9, 19, 42, 19}},
+    {"horse", 82.6f, {5, 13, 29, 51, 29}},   {"homer", 30.8f, {4, 6, 14, 22, 14}},
+    {"camel", 49.4f, {4, 4, 14, 26, 14}},    {"head", 21.9f, {3, 8, 13, 28, 13}},
+    {"elephant", 60.0f, {1, 0, 0, 0, 0}},    {"armadillo", 40.0f, {2, 0, 0, 0, 0}},
+    {"guardian", 45.0f, {5, 0, 0, 0, 0}},    {"lion", 30.0f, {3, 0, 0, 0, 0}},
+    {"devil", 26.0f, {3, 0, 0, 0, 0}},       {"cow", 36.0f, {4, 0, 0, 0, 0}},
+    {"diplodocus", 75.0f, {2, 0, 0, 0, 0}},  {"dinosaur", 50.0f, {3, 0, 0, 0, 0}},
+    {"triceratops", 52.0f, {3, 0, 0, 0, 0}}, {"fist", 18.0f, {2, 0, 0, 0, 0}},
 };
 #define KIND_COUNT ((uint32_t)(sizeof kinds / sizeof *kinds))
 
@@ -35,6 +37,10 @@ static const park_kind kinds[] = {
 #define GROUND_MARGIN  400.0f
 #define GAP            4.0f // between the bounds of two objects
 #define ATTEMPTS_MAX   4000 // per object, before the area counts as full
+#define COURT_ATTEMPTS 200  // per object and court
+#define COURT_COLUMNS  7u   // as many that the courts are as dense as the thesis's parks
+#define COURT_ROWS     7u
+#define COURT_STEP     19u // coprime to their number
 
 typedef struct tint {
     const char *name;
@@ -54,6 +60,7 @@ typedef struct plan {
     uint32_t count;
     double width, depth;
     uint64_t seed;
+    bool in_courts;
 } plan;
 
 static void add_to_plan(plan *p, uint32_t kind, uint32_t count)
@@ -74,19 +81,24 @@ static uint32_t preset_total(int preset)
 // begins with the one before.
 static hw_status plan_preset(const char *name, plan *out)
 {
-    static const char *const names[PRESET_COUNT] = {"demo", "2m", "4m", "8m"};
+    static const char *const names[PRESET_COUNT] = {"demo", "2m", "4m", "8m", "court"};
     int preset = 0;
     while (preset < PRESET_COUNT && strcmp(name, names[preset]))
         preset++;
     if (preset == PRESET_COUNT)
-        return hw_fail(HW_USAGE, "unknown park '%s' (demo, 2m, 4m, 8m or 84m)", name);
+        return hw_fail(HW_USAGE, "unknown park '%s' (demo, 2m, 4m, 8m, 84m or court)", name);
     uint32_t total = preset_total(preset);
     double scale = preset == DEMO ? sqrt(total / THESIS_OBJECTS) : 1;
     out->width = THESIS_WIDTH * scale;
     out->depth = THESIS_DEPTH * scale;
     out->seed = preset == DEMO ? 7 : 2006;
+    out->in_courts = preset == COURT;
+    if (out->in_courts) {
+        out->width = COURT_COLUMNS * HW_COURT_SIDE;
+        out->depth = COURT_ROWS * HW_COURT_SIDE;
+    }
     HW_TRY(HW_NEW(&out->kinds, total));
-    int first = preset == DEMO ? DEMO : PARK_2M;
+    int first = preset == DEMO || preset == COURT ? preset : PARK_2M;
     for (int stage = first; stage <= preset; stage++)
         for (uint32_t k = 0; k < KIND_COUNT; k++)
             add_to_plan(out, k,
@@ -276,18 +288,20 @@ static double uniform(hw_rng *rng)
     return (high + low / 16777216.0) / 16777216.0;
 }
 
-// Turns and places object i, whose mesh is set, at random.
-static hw_status place_object(const plan *p, const outline *shape, occupancy *o, hw_rng *rng,
-                              hw_object *objects, uint32_t i)
+// Where an object may stand.
+typedef struct region {
+    double x_min, y_min, width, depth;
+} region;
+
+// Moves object i, turned already, to a random free place of the region; false if none was found.
+static bool find_place(const region *r, const outline *shape, hw_box box, int attempts,
+                       occupancy *o, hw_rng *rng, hw_object *objects, uint32_t i)
 {
-    hw_mat4 rotation = hw_mat4_rotation_z(2 * HW_PI * uniform(rng));
-    objects[i].material_idx = hw_rng_below(rng, TINT_COUNT);
-    hw_box box = outline_bounds(shape, &rotation);
     hw_vec3 size = hw_box_size(box);
-    double free_x = p->width - size.x, free_y = p->depth - size.y;
-    for (int attempt = 0; free_x > 0 && free_y > 0 && attempt < ATTEMPTS_MAX; attempt++) {
-        double x = -p->width / 2 + free_x * uniform(rng) - box.min.x;
-        double y = -p->depth / 2 + free_y * uniform(rng) - box.min.y;
+    double free_x = r->width - size.x, free_y = r->depth - size.y;
+    for (int attempt = 0; free_x > 0 && free_y > 0 && attempt < attempts; attempt++) {
+        double x = r->x_min + free_x * uniform(rng) - box.min.x;
+        double y = r->y_min + free_y * uniform(rng) - box.min.y;
         hw_box moved = box;
         moved.min.x += (float)x;
         moved.max.x += (float)x;
@@ -296,10 +310,32 @@ static hw_status place_object(const plan *p, const outline *shape, occupancy *o,
         if (!place_is_free(o, objects, moved))
             continue;
         hw_mat4 shift = hw_mat4_translation(x, y, 0);
-        objects[i].transform = hw_mat4_mul(shift, rotation);
+        objects[i].transform = hw_mat4_mul(shift, objects[i].transform);
         objects[i].bounds = outline_bounds(shape, &objects[i].transform);
         occupy(o, i, objects[i].bounds);
+        return true;
+    }
+    return false;
+}
+
+// Turns and places object i, whose mesh is set, at random: in courts in the i-th one, counted in
+// steps that visit them all, or the next where there is room.
+static hw_status place_object(const plan *p, const outline *shape, occupancy *o, hw_rng *rng,
+                              hw_object *objects, uint32_t i)
+{
+    objects[i].transform = hw_mat4_rotation_z(2 * HW_PI * uniform(rng));
+    objects[i].material_idx = hw_rng_below(rng, TINT_COUNT);
+    hw_box box = outline_bounds(shape, &objects[i].transform);
+    region all = {-p->width / 2, -p->depth / 2, p->width, p->depth};
+    if (!p->in_courts && find_place(&all, shape, box, ATTEMPTS_MAX, o, rng, objects, i))
         return HW_OK;
+    const uint32_t courts = COURT_COLUMNS * COURT_ROWS;
+    for (uint32_t k = 0; p->in_courts && k < courts; k++) {
+        hw_court_floor f =
+            hw_court_floor_of(COURT_COLUMNS, COURT_ROWS, (i + k) * COURT_STEP % courts);
+        region floor = {f.x_min, f.y_min, f.side, f.side};
+        if (find_place(&floor, shape, box, COURT_ATTEMPTS, o, rng, objects, i))
+            return HW_OK;
     }
     return hw_fail(HW_LIMIT, "only %u of %u statues fit an area of %g x %g units", i, p->count,
                    p->width, p->depth);
@@ -397,6 +433,8 @@ hw_status hw_park_make(const hw_park_options *options, hw_scene *out)
     HW_GO(load_meshes(&p, options->statue_folder, &scene, mesh_of));
     HW_GO(make_materials(&scene));
     HW_GO(place_objects(&p, mesh_of, &scene));
+    if (p.in_courts)
+        HW_GO(hw_court_build(&scene, COURT_COLUMNS, COURT_ROWS, p.seed));
     make_ground(&p, &scene.ground);
     *out = scene;
     scene = (hw_scene){0};

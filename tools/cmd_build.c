@@ -7,7 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const char *output, *json_file, *policy = "screen", *shard, *heights = "8:16";
+static const char *output, *json_file, *policy = "screen", *shard, *heights = "8:16",
+                                       *occlusion = "off";
 static uint64_t threads, memory, levels = 1, texture_side = 1024;
 static double cell_size = 50, self_occlusion, edge_length = 4.5, near_error = 0.3,
               outline_error = 0.09, interior_error = 5;
@@ -37,7 +38,11 @@ static uint32_t options(hw_option *out, uint32_t capacity)
          "surface error (99th percentile) of near objects"},
         {"texture-side", 0, HW_OPTION_UINT, &texture_side, "TEXELS", NULL, 16, 4096,
          "objects with larger captures are near"},
-        {"levels", 0, HW_OPTION_UINT, &levels, "N", NULL, 1, 1, "levels of the cell hierarchy"},
+        {"occlusion", 0, HW_OPTION_CHOICE, &occlusion, "on|off", "on|off", 0, 0,
+         "leave out of each cell the objects that cannot be seen from any point of it"},
+        {"levels", 0, HW_OPTION_UINT, &levels, "N", NULL, 1, HW_CELL_LEVELS_MAX,
+         "levels of the cell hierarchy; each groups seven cells of the one below to draw what is "
+         "far away"},
         {"threads", 0, HW_OPTION_UINT, &threads, "N", NULL, 0, 1024,
          "threads; 0 means one per processor"},
         {"shard", 0, HW_OPTION_STRING, &shard, "K/N", NULL, 0, 0,
@@ -83,9 +88,11 @@ static hw_status read_options(const char *scene, hw_build_options *o)
         o->shard_count = (uint32_t)n;
     }
     o->cell_size = cell_size;
+    o->levels = (int32_t)levels;
     o->near_error_px = near_error;
     o->threads = (uint32_t)threads;
     o->memory_bytes = memory;
+    o->cull_occluded = strcmp(occlusion, "on") == 0;
     o->far.policy = hw_policy_find(policy);
     o->far.edge_length_px = edge_length;
     o->far.outline_px = outline_error;

@@ -136,11 +136,8 @@ static hw_status describe_dataset(const char *path, cJSON *json)
     hw_manifest m = {0};
     HW_TRY(hw_manifest_read(path, &m));
     uint64_t cell_bytes = 0;
-    int32_t levels = 0;
-    for (uint32_t i = 0; i < m.cell_count; i++) {
+    for (uint32_t i = 0; i < m.cell_count; i++)
         cell_bytes += m.cells[i].bytes;
-        levels = m.cells[i].id.level >= levels ? m.cells[i].id.level + 1 : levels;
-    }
     cJSON_AddStringToObject(json, "kind", "dataset");
     cJSON_AddStringToObject(json, "scene", m.scene_path ? m.scene_path : "");
     add_integer(json, "scene_triangles", m.scene_triangles);
@@ -148,7 +145,7 @@ static hw_status describe_dataset(const char *path, cJSON *json)
     add_integer(json, "meshes", m.mesh_count);
     add_integer(json, "textures", m.texture_count);
     add_integer(json, "cells", m.cell_count);
-    add_integer(json, "levels", (uint64_t)levels);
+    add_integer(json, "levels", (uint64_t)m.grid.levels);
     hw_json_add_number(json, "cell_size", m.grid.cell_size);
     hw_json_add_numbers(json, "heights", (const double[]){m.grid.z_min, m.grid.z_max}, 2);
     add_integer(json, "columns", (uint64_t)m.grid.columns);

@@ -106,6 +106,8 @@ static hw_status check_outputs(void)
         return hw_fail(HW_USAGE, "%s: meshes are written as .ply or .glb", options.output);
     if (options.progressive && !ends_with(options.progressive, ".hxp"))
         return hw_fail(HW_USAGE, "%s: progressive meshes end in .hxp", options.progressive);
+    if (options.faces > 0 && options.ratio > 0)
+        return hw_fail(HW_USAGE, "--faces and --ratio contradict each other");
     if (options.bytes > 0 && !options.progressive)
         return hw_fail(HW_USAGE, "--bytes is the size of a progressive mesh: --progressive too");
     if (options.levels && strcmp(options.hierarchy, "batched") != 0)
@@ -118,8 +120,6 @@ static hw_status check_outputs(void)
 static hw_status check_limits(const hw_mesh *mesh)
 {
     uint64_t faces = mesh->index_count / 3;
-    if ((options.faces > 0) + (options.ratio > 0) > 1)
-        return hw_fail(HW_USAGE, "--faces and --ratio contradict each other");
     if (options.faces > faces)
         hw_log_warning("--faces %llu: the mesh has only %llu and stays as it is",
                        (unsigned long long)options.faces, (unsigned long long)faces);
@@ -135,6 +135,12 @@ static hw_status check_limits(const hw_mesh *mesh)
 static uint32_t clamp_u32(uint64_t value)
 {
     return value < UINT32_MAX ? (uint32_t)value : UINT32_MAX;
+}
+
+// --ratio of the faces, at least one: 0 would be no limit.
+static uint32_t share_of(uint32_t faces)
+{
+    return (uint32_t)fmax(options.ratio * faces, 1);
 }
 
 static hw_status plan(const hw_mesh *mesh, hw_simplify_options *out, hw_position_grid *grid)
@@ -160,8 +166,7 @@ static hw_status plan(const hw_mesh *mesh, hw_simplify_options *out, hw_position
     out->kappa_decay = options.kappa_decay;
     out->fit_rounds = clamp_u32(options.fit);
     out->threads = clamp_u32(options.threads);
-    out->faces = options.ratio > 0 ? (uint32_t)(options.ratio * (mesh->index_count / 3))
-                                   : clamp_u32(options.faces);
+    out->faces = options.ratio > 0 ? share_of(mesh->index_count / 3) : clamp_u32(options.faces);
     out->vertices = clamp_u32(options.vertices);
     out->error = options.error;
     out->batched = strcmp(options.hierarchy, "batched") == 0;
@@ -262,7 +267,7 @@ static void print_facts(const hw_mesh *mesh, const hw_simplified *s, uint64_t by
            mesh->name ? mesh->name : "mesh", f->faces_before, f->vertices_before,
            s->mesh.index_count / 3, s->mesh.vertex_count, f->seconds);
     if (f->dropped_faces)
-        printf("  %u degenerate or repeated triangles took no part\n", f->dropped_faces);
+        printf("  %u degenerate triangles, or pairs back to back, took no part\n", f->dropped_faces);
     if (f->split_vertices)
         printf("  %u vertices were copied where sheets touch\n", f->split_vertices);
     if (f->complex_edges)
@@ -314,7 +319,7 @@ static hw_status refine(const char *path)
     HW_GO(hw_progressive_read(&p, path));
     uint32_t all = hw_progressive_face_count(p);
     if (options.ratio > 0)
-        hw_progressive_go_faces(p, (uint32_t)(options.ratio * all));
+        hw_progressive_go_faces(p, share_of(all));
     else if (options.faces > 0)
         hw_progressive_go_faces(p, clamp_u32(options.faces));
     HW_GO(hw_progressive_extract(p, &mesh));

@@ -65,7 +65,7 @@ static hw_status gather(const char *dataset, const char *quantity, map *m, hw_ma
     m->most = -INFINITY;
     for (uint32_t i = 0; i < m->manifest->cell_count; i++) {
         const hw_manifest_cell *cell = &m->manifest->cells[i];
-        if (!hw_hexgrid_contains(grid, cell->id))
+        if (cell->id.level > 0) // the map shows the finest
             continue;
         double value = value_of(dataset, cell, quantity);
         m->values[hw_hexgrid_index(grid, cell->id)] = value;

@@ -11,7 +11,7 @@ uint32_t hw_collapser_edge_faces(const hw_collapser *c, uint32_t a, uint32_t b)
 {
     uint32_t n = 0;
     for (uint32_t k = c->first_corner[a]; k != HW_NO_VERTEX; k = hw_next_corner(c, k))
-        n += hw_face_has(c->faces[k / 3], b);
+        n += hw_face_has(c->faces[k / 4], b);
     return n;
 }
 
@@ -34,11 +34,11 @@ static bool topology_allows(const hw_collapser *c, uint32_t a, uint32_t b, uint3
     uint32_t mark = hw_collapse_queue_new_mark(q);
     for (uint32_t k = c->first_corner[a]; k != HW_NO_VERTEX; k = hw_next_corner(c, k))
         for (int i = 0; i < 3; i++)
-            q->mark[c->faces[k / 3][i]] = mark;
+            q->mark[c->faces[k / 4][i]] = mark;
     uint32_t common = 0;
     for (uint32_t k = c->first_corner[b]; k != HW_NO_VERTEX; k = hw_next_corner(c, k))
         for (int i = 0; i < 3; i++) {
-            uint32_t v = c->faces[k / 3][i];
+            uint32_t v = c->faces[k / 4][i];
             if (v != a && v != b && q->mark[v] == mark) {
                 q->mark[v] = 0;
                 common++;
@@ -64,12 +64,12 @@ static void face_normal(const double *p, const double *q, const double *r, doubl
 static bool faces_stay(const hw_collapser *c, uint32_t v, uint32_t other, const double position[3])
 {
     for (uint32_t k = c->first_corner[v]; k != HW_NO_VERTEX; k = hw_next_corner(c, k)) {
-        const uint32_t *face = c->faces[k / 3];
+        const uint32_t *face = c->faces[k / 4];
         if (hw_face_has(face, other))
             continue;
-        const double *p = c->positions[face[k % 3]];
-        const double *q = c->positions[face[(k + 1) % 3]];
-        const double *r = c->positions[face[(k + 2) % 3]];
+        const double *p = c->positions[face[k % 4]];
+        const double *q = c->positions[face[hw_next_place[k % 4]]];
+        const double *r = c->positions[face[hw_last_place[k % 4]]];
         double before[3], after[3];
         face_normal(p, q, r, before);
         face_normal(position, q, r, after);
@@ -110,6 +110,8 @@ static bool collapse_valid(const hw_collapser *c, const hw_collapse *collapse)
         return false;
     if (whole_component(c, kept, removed, shared)) // a closed speck may vanish, not the whole mesh
         return !c->keep_components && c->live_faces > 4;
+    if (shared == 1 && hw_collapser_degree(c, kept) == 1 && hw_collapser_degree(c, removed) == 1)
+        return !c->keep_components && c->live_faces > 1; // a lone triangle, alike
     return faces_stay(c, kept, removed, collapse->position) &&
            faces_stay(c, removed, kept, collapse->position);
 }
@@ -119,8 +121,8 @@ static bool collapse_valid(const hw_collapser *c, const hw_collapse *collapse)
 static void unlink_corner(hw_collapser *c, uint32_t v, uint32_t face)
 {
     uint32_t *link = &c->first_corner[v];
-    while (*link / 3 != face)
-        link = &c->faces[*link / 3][3 + *link % 3];
+    while (*link / 4 != face)
+        link = &c->faces[*link / 4][3 + *link % 4];
     *link = hw_next_corner(c, *link);
     c->live_vertices -= c->first_corner[v] == HW_NO_VERTEX;
 }
@@ -137,7 +139,7 @@ static void remove_face(hw_collapser *c, uint32_t face)
 static void remove_faces_of(hw_collapser *c, uint32_t v)
 {
     while (c->first_corner[v] != HW_NO_VERTEX)
-        remove_face(c, c->first_corner[v] / 3);
+        remove_face(c, c->first_corner[v] / 4);
 }
 
 static void carry_out(hw_collapser *c, const hw_collapse *collapse)
@@ -153,18 +155,18 @@ static void carry_out(hw_collapser *c, const hw_collapse *collapse)
     // Faces on the edge vanish.
     for (uint32_t k = c->first_corner[removed], next; k != HW_NO_VERTEX; k = next) {
         next = hw_next_corner(c, k);
-        if (hw_face_has(c->faces[k / 3], kept))
-            remove_face(c, k / 3);
+        if (hw_face_has(c->faces[k / 4], kept))
+            remove_face(c, k / 4);
     }
     // The others move over to the kept vertex.
     uint32_t last = HW_NO_VERTEX;
     for (uint32_t k = c->first_corner[removed]; k != HW_NO_VERTEX; k = hw_next_corner(c, k)) {
-        c->faces[k / 3][k % 3] = kept;
+        c->faces[k / 4][k % 4] = kept;
         last = k;
     }
     if (last != HW_NO_VERTEX) {
         c->live_vertices -= c->first_corner[kept] != HW_NO_VERTEX;
-        c->faces[last / 3][3 + last % 3] = c->first_corner[kept];
+        c->faces[last / 4][3 + last % 4] = c->first_corner[kept];
         c->first_corner[kept] = c->first_corner[removed];
     }
     c->first_corner[removed] = HW_NO_VERTEX;
@@ -208,7 +210,7 @@ static hw_status fill_queue(hw_collapser *c, const hw_metric *metric)
         uint32_t seen = hw_collapse_queue_new_mark(q);
         for (uint32_t k = c->first_corner[v]; k != HW_NO_VERTEX; k = hw_next_corner(c, k))
             for (int i = 0; i < 3; i++) {
-                uint32_t w = c->faces[k / 3][i];
+                uint32_t w = c->faces[k / 4][i];
                 if (w <= v || q->mark[w] == seen)
                     continue;
                 q->mark[w] = seen;
@@ -240,7 +242,7 @@ static hw_status requeue(hw_collapser *c, const hw_metric *metric, uint32_t v)
     q->mark[v] = seen;
     for (uint32_t k = c->first_corner[v]; k != HW_NO_VERTEX; k = hw_next_corner(c, k))
         for (int i = 0; i < 3; i++) {
-            uint32_t w = c->faces[k / 3][i];
+            uint32_t w = c->faces[k / 4][i];
             if (q->mark[w] == seen)
                 continue;
             q->mark[w] = seen;
@@ -250,7 +252,7 @@ static hw_status requeue(hw_collapser *c, const hw_metric *metric, uint32_t v)
     q->mark[v] = seen;
     for (uint32_t k = c->first_corner[v]; k != HW_NO_VERTEX; k = hw_next_corner(c, k))
         for (int i = 0; i < 3; i++) {
-            uint32_t w = c->faces[k / 3][i];
+            uint32_t w = c->faces[k / 4][i];
             if (q->mark[w] == seen)
                 continue;
             q->mark[w] = seen;
@@ -322,8 +324,8 @@ static void withdraw(hw_collapser *c, uint32_t v)
     hw_collapse_queue *q = c->queue;
     q->generation[v]++;
     for (uint32_t k = c->first_corner[v]; k != HW_NO_VERTEX; k = hw_next_corner(c, k))
-        for (int i = 1; i < 3; i++) // twice per neighbour, which does no harm
-            q->touched[c->faces[k / 3][(k + (uint32_t)i) % 3]]++;
+        for (int i = 0; i < 3; i++) // twice per neighbour, which does no harm
+            q->touched[c->faces[k / 4][i]]++;
 }
 
 hw_status hw_collapser_run_batch(hw_collapser *c, const hw_metric *metric,

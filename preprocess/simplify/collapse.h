@@ -18,8 +18,8 @@
 typedef struct hw_collapse hw_collapse;
 typedef struct hw_metric hw_metric;
 
-// Read-only for metrics. Corners are 3 * face + k; the faces round a vertex are the linked list of
-// its corners, whose links lie beside the faces' vertices: one cache line serves both.
+// Read-only for metrics. Corners are 4 * face + 0, 1 or 2; the faces round a vertex are the linked
+// list of its corners, whose links lie beside the faces' vertices: one cache line serves both.
 typedef struct hw_collapser {
     uint32_t vertex_count,
         face_count;   // as created; vertex_count includes vertices that were split off
@@ -97,10 +97,13 @@ uint32_t hw_collapser_edge_faces(const hw_collapser *collapser, uint32_t a, uint
 // Number of faces round a vertex.
 uint32_t hw_collapser_degree(const hw_collapser *collapser, uint32_t v);
 
+// Places of a face counter-clockwise.
+static const uint8_t hw_next_place[3] = {1, 2, 0}, hw_last_place[3] = {2, 0, 1};
+
 // The next corner round the vertex of corner k; HW_NO_VERTEX after the last.
 static inline uint32_t hw_next_corner(const hw_collapser *collapser, uint32_t k)
 {
-    return collapser->faces[k / 3][3 + k % 3];
+    return collapser->faces[k / 4][3 + k % 4];
 }
 
 static inline bool hw_face_has(const uint32_t face[3], uint32_t v)

@@ -17,7 +17,7 @@ static void link_faces(hw_collapser *c, const uint32_t *indices, uint32_t face_c
             if (!good)
                 continue;
             c->faces[f][3 + i] = c->first_corner[in[i]];
-            c->first_corner[in[i]] = 3 * f + i;
+            c->first_corner[in[i]] = 4 * f + i;
         }
         c->live_faces += good;
         c->dropped_faces += !good;
@@ -30,7 +30,7 @@ static void link_faces(hw_collapser *c, const uint32_t *indices, uint32_t face_c
 static bool first_of_edge(const hw_collapser *c, uint32_t f, uint32_t a, uint32_t b)
 {
     for (uint32_t k = c->first_corner[a]; k != HW_NO_VERTEX; k = hw_next_corner(c, k))
-        if (k / 3 < f && hw_face_has(c->faces[k / 3], b))
+        if (k / 4 < f && hw_face_has(c->faces[k / 4], b))
             return false;
     return true;
 }
@@ -46,9 +46,9 @@ static void examine_edges(hw_collapser *c)
             uint32_t a = c->faces[f][i], b = c->faces[f][(i + 1) % 3];
             uint32_t same = 0, all = 0;
             for (uint32_t k = c->first_corner[a]; k != HW_NO_VERTEX; k = hw_next_corner(c, k)) {
-                const uint32_t *face = c->faces[k / 3];
+                const uint32_t *face = c->faces[k / 4];
                 all += hw_face_has(face, b);
-                same += face[(k + 1) % 3] == b;
+                same += face[hw_next_place[k % 4]] == b;
             }
             if (all == 1) {
                 c->border[a] = c->border[b] = true;
@@ -70,7 +70,7 @@ hw_status hw_collapser_create(const double (*positions)[3], uint32_t vertex_coun
     hw_collapser *c = NULL;
     hw_split split = {0};
     *out = NULL;
-    if (face_count > UINT32_MAX / 3 - 1)
+    if (face_count > UINT32_MAX / 4 - 1)
         return hw_fail(HW_LIMIT, "a mesh of %u faces is too large to simplify", face_count);
     HW_GO(HW_NEW(&c, 1));
     if (complex == HW_COMPLEX_SPLIT) {

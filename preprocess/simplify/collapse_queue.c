@@ -47,7 +47,7 @@ hw_status hw_collapse_queue_reset(hw_collapse_queue *q, uint32_t edges)
 hw_queue_entry hw_collapse_queue_entry(const hw_collapse_queue *q, uint32_t a, uint32_t b,
                                        double cost)
 {
-    return (hw_queue_entry){(float)cost, a < b ? a : b, a < b ? b : a,
+    return (hw_queue_entry){a < b ? a : b, (float)cost, a < b ? b : a,
                             (uint16_t)(q->generation[a] + q->generation[b]),
                             (uint16_t)(q->touched[a] + q->touched[b])};
 }
@@ -62,11 +62,19 @@ bool hw_collapse_queue_is_touched(const hw_collapse_queue *q, const hw_queue_ent
     return e->touched != (uint16_t)(q->touched[e->a] + q->touched[e->b]);
 }
 
-static bool before(const hw_queue_entry *x, const hw_queue_entry *y)
+// Costs are not negative, so their bits order as they do. Ties go by vertex: they must not depend
+// on history.
+static inline uint64_t order_key(const hw_queue_entry *e)
 {
-    if (x->cost != y->cost)
-        return x->cost < y->cost;
-    return x->a != y->a ? x->a < y->a : x->b < y->b; // ties must not depend on history
+    uint32_t bits;
+    memcpy(&bits, &e->cost, sizeof bits);
+    return (uint64_t)bits << 32 | e->a;
+}
+
+static inline bool before(const hw_queue_entry *x, const hw_queue_entry *y)
+{
+    uint64_t kx = order_key(x), ky = order_key(y);
+    return kx < ky || (kx == ky && x->b < y->b);
 }
 
 static void sift_up(hw_collapse_queue *q, uint32_t at, hw_queue_entry entry)

@@ -6,17 +6,19 @@
 // sums, and an entry that does not match them is out of date. The *generation* of a vertex rises
 // when it was merged: its old entries are dropped where they come up, new ones were pushed. It is
 // *touched* when a neighbour was merged: its entries are evaluated again only when they come up,
-// which most never do. Entries out of date are purged when the heap is full, so it never holds more
-// than twice the edges of the mesh. Measured against hashing this saves the table (12 bytes an
-// edge) and four in five evaluations.
+// which most never do. Entries out of date are purged when the heap is full, so it holds little
+// more than the edges of the mesh at the start. That saves the hash table, and against evaluating
+// all touched edges at once, as GeMS does, more than half of the time, for distances that are less
+// than one percent larger (the dragon, to a tenth).
 #pragma once
 #include "status.h"
 #include <stdbool.h>
 #include <stdint.h>
 
 typedef struct hw_queue_entry {
-    float cost;
-    uint32_t a, b;                // a < b
+    uint32_t a;
+    float cost;                   // not negative
+    uint32_t b;                   // above a
     uint16_t generation, touched; // sums over both ends when evaluated, modulo 2^16
 } hw_queue_entry;
 

@@ -38,17 +38,12 @@ void hw_domain_edge(const hw_collapser *c, uint32_t a, uint32_t b, hw_domain *r)
     r->kept = r->walls = r->count = 0;
 }
 
-// Fills the planes of a triangle from its corners, p the one that moves.
-static inline void set_planes(hw_domain_face *f, const double p[3], const double q[3],
-                              const double r[3])
+// The plane of a face whose corner p is there.
+static inline void set_plane(hw_domain_face *f, const double p[3])
 {
-    double turn[3];
-    for (int i = 0; i < 3; i++)
-        f->e[i] = q[i] - r[i];
-    cross(q, r, f->m);
-    cross(p, f->e, turn);
-    for (int i = 0; i < 3; i++)
-        f->n[i] = f->m[i] + turn[i];
+    const double u[3] = {f->at_q[0] - p[0], f->at_q[1] - p[1], f->at_q[2] - p[2]},
+                 v[3] = {f->at_r[0] - p[0], f->at_r[1] - p[1], f->at_r[2] - p[2]};
+    cross(u, v, f->n);
     f->d = -dot(f->n, p);
 }
 
@@ -62,34 +57,33 @@ static inline void relative(const hw_domain *r, uint32_t v, double out[3])
 // The face of corner k, whose vertex is at p.
 static inline void make_face(const hw_domain *r, uint32_t k, const double p[3], hw_domain_face *f)
 {
-    const uint32_t *face = r->mesh->faces[k / 3];
-    double q[3], s[3];
-    f->p = face[k % 3];
-    f->q = face[(k + 1) % 3];
-    f->r = face[(k + 2) % 3];
-    relative(r, f->q, q);
-    relative(r, f->r, s);
-    set_planes(f, p, q, s);
+    const uint32_t *face = r->mesh->faces[k / 4];
+    f->p = face[k % 4];
+    f->q = face[hw_next_place[k % 4]];
+    f->r = face[hw_last_place[k % 4]];
+    relative(r, f->q, f->at_q);
+    relative(r, f->r, f->at_r);
+    set_plane(f, p);
 }
 
 // An upright triangle on the edge from p to q of a face with normal n, if that is a border: it
 // moves with p.
 static void add_wall(hw_domain *r, uint32_t p, uint32_t q, const double n[3])
 {
-    double ends[2][3], apex[3], length2 = 0, size = sqrt(dot(n, n));
+    double at_p[3], length2 = 0, size = sqrt(dot(n, n));
     if (!r->mesh->border[p] || !r->mesh->border[q] || hw_collapser_edge_faces(r->mesh, p, q) != 1 ||
         !(size > 0) || r->count >= HW_DOMAIN_FACES_MAX - 1)
         return;
-    relative(r, p, ends[0]);
-    relative(r, q, ends[1]);
-    for (int i = 0; i < 3; i++)
-        length2 += (ends[1][i] - ends[0][i]) * (ends[1][i] - ends[0][i]);
-    for (int i = 0; i < 3; i++)
-        apex[i] = (ends[0][i] + ends[1][i]) / 2 + n[i] / size * WALL_HEIGHT * sqrt(length2);
     hw_domain_face *f = &r->faces[r->count++];
+    relative(r, p, at_p);
+    relative(r, q, f->at_q);
+    for (int i = 0; i < 3; i++)
+        length2 += (f->at_q[i] - at_p[i]) * (f->at_q[i] - at_p[i]);
+    for (int i = 0; i < 3; i++)
+        f->at_r[i] = (at_p[i] + f->at_q[i]) / 2 + n[i] / size * WALL_HEIGHT * sqrt(length2);
     f->p = p;
     f->q = f->r = q;
-    set_planes(f, ends[0], ends[1], apex);
+    set_plane(f, at_p);
 }
 
 // Walls on the borders that move: those of the faces that stay, and the outer ones of those that
@@ -117,7 +111,7 @@ bool hw_domain_gather(const hw_collapser *c, uint32_t a, uint32_t b, hw_domain *
     for (uint32_t k = c->first_corner[a]; k != HW_NO_VERTEX; k = hw_next_corner(c, k)) {
         if (r->count + edge_count == FACES_END)
             return false;
-        if (!hw_face_has(c->faces[k / 3], b))
+        if (!hw_face_has(c->faces[k / 4], b))
             make_face(r, k, r->ends[0], &r->faces[r->count++]);
         else if (edge_count < EDGE_FACES_MAX)
             on_edge[edge_count++] = k;
@@ -125,7 +119,7 @@ bool hw_domain_gather(const hw_collapser *c, uint32_t a, uint32_t b, hw_domain *
             return false;
     }
     for (uint32_t k = c->first_corner[b]; k != HW_NO_VERTEX; k = hw_next_corner(c, k)) {
-        if (hw_face_has(c->faces[k / 3], a))
+        if (hw_face_has(c->faces[k / 4], a))
             continue;
         if (r->count + edge_count == FACES_END)
             return false;
@@ -145,11 +139,12 @@ bool hw_domain_gather(const hw_collapser *c, uint32_t a, uint32_t b, hw_domain *
 
 void hw_domain_quadric(const hw_domain *r, hw_quadric *out)
 {
-    *out = (hw_quadric){0};
+    hw_quadric q = {0}; // on the stack, where nothing can alias it
     for (uint32_t i = 0; i < r->count; i++) {
         const hw_domain_face *f = &r->faces[i];
         double size = sqrt(dot(f->n, f->n));
         if (size > 0)
-            hw_quadric_add_plane(out, f->n, f->d, 0.5 / size, 0.5 * size);
+            hw_quadric_add_plane(&q, f->n, f->d, 0.5 / size, 0.5 * size);
     }
+    *out = q;
 }

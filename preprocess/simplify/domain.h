@@ -7,12 +7,11 @@
 #define HW_CANDIDATES       4
 
 // A face round the edge, seen from its corner p that moves with the edge (q and r follow
-// counter-clockwise). With the corner at x, the face's normal (of twice the area's length) is
-// m + x cross e, and n . x + d is six times the volume between the old face and x.
+// counter-clockwise). n . x + d is six times the volume between the face and a place x.
 typedef struct hw_domain_face {
-    double n[3], d; // normal now, twice the area long; -n . p
-    double m[3], e[3];
-    uint32_t p, q, r; // vertices
+    double n[3], d;          // normal, twice the area long; -n . p
+    double at_q[3], at_r[3]; // where q and r are
+    uint32_t p, q, r;        // vertices
 } hw_domain_face;
 
 typedef struct hw_domain {
@@ -39,6 +38,18 @@ typedef struct hw_candidates {
     int8_t end[HW_CANDIDATES]; // 0: at a, 1: at b, -1: neither
     uint32_t count;
 } hw_candidates;
+
+// The face's normals, twice the area long, with its corner p at each of the candidates.
+static inline void hw_domain_normals(const hw_domain_face *f, const hw_candidates *c,
+                                     hw_lanes normal[3])
+{
+    // (q - x) cross (r - x) = q cross r + x cross (q - r)
+    const double *q = f->at_q, *r = f->at_r;
+    const double e[3] = {q[0] - r[0], q[1] - r[1], q[2] - r[2]};
+    normal[0] = (q[1] * r[2] - q[2] * r[1]) + c->y * e[2] - c->z * e[1];
+    normal[1] = (q[2] * r[0] - q[0] * r[2]) + c->z * e[0] - c->x * e[2];
+    normal[2] = (q[0] * r[1] - q[1] * r[0]) + c->x * e[1] - c->y * e[0];
+}
 
 // Origin, ends and length only.
 void hw_domain_edge(const hw_collapser *collapser, uint32_t a, uint32_t b, hw_domain *out);

@@ -5,6 +5,9 @@
 
 // A merged vertex stays within this many edge lengths of the edge's middle.
 #define REACH 2.0
+// Among flat places the shorter edge goes first: this share of its squared length keeps faces well
+// shaped.
+#define SHAPE 1e-9
 
 static void add_candidate(hw_candidates *c, const double p[3], int8_t end)
 {
@@ -79,6 +82,24 @@ static void propose(const hw_metric *m, const hw_domain *r, hw_candidates *c)
     fill_lanes(c);
 }
 
+void hw_scratch_error(void *context, const hw_domain *domain, const hw_candidates *c,
+                      double error[HW_CANDIDATES])
+{
+    (void)context;
+    const hw_quadric *q = &domain->scratch;
+    for (uint32_t i = 0; i < HW_CANDIDATES; i++)
+        error[i] =
+            hw_quadric_at(q, c->x[i], c->y[i], c->z[i]) + SHAPE * domain->length2 * q->weight;
+}
+
+bool hw_scratch_optimum(void *context, const hw_domain *domain, double x[3])
+{
+    (void)context;
+    const double middle[3] = {domain->ends[1][0] / 2, domain->ends[1][1] / 2,
+                              domain->ends[1][2] / 2};
+    return hw_quadric_minimise(&domain->scratch, middle, x);
+}
+
 void hw_metric_evaluate(const hw_metric *m, const hw_collapser *collapser, uint32_t a, uint32_t b,
                         hw_collapse *out)
 {
@@ -90,7 +111,8 @@ void hw_metric_evaluate(const hw_metric *m, const hw_collapser *collapser, uint3
     out->removed = b;
     if (collapser->locked[a] && collapser->locked[b])
         return;
-    if (m->edge_only && m->placement != HW_PLACEMENT_OPTIMAL)
+    bool own_place = m->optimum || m->placement != HW_PLACEMENT_OPTIMAL;
+    if (m->edge_only && own_place)
         hw_domain_edge(collapser, a, b, &r);
     else if (!hw_domain_gather(collapser, a, b, &r))
         return;

@@ -18,7 +18,7 @@ struct hw_metric {
     const char *name;
     void *context;
     hw_placement placement;
-    bool edge_only; // looks at the edge alone: the region comes without faces
+    bool edge_only; // looks at the ends alone: the domain may come without faces
     // What `error` and `optimum` both need, into domain->scratch; may be NULL.
     void (*prepare)(void *context, hw_domain *domain);
     // The cost of moving the merged vertex to each of candidates->count places; INFINITY forbids.
@@ -38,6 +38,12 @@ struct hw_metric {
 // Cost and place of collapsing the edge (a, b) under the metric; cost INFINITY if it must not be.
 void hw_metric_evaluate(const hw_metric *metric, const hw_collapser *collapser, uint32_t a,
                         uint32_t b, hw_collapse *out);
+
+// For metrics whose `prepare` leaves a quadric in domain->scratch: its value at the places (plus a
+// billionth of length2 * weight, so that among equals the shorter edge goes first), its minimum.
+void hw_scratch_error(void *context, const hw_domain *domain, const hw_candidates *candidates,
+                      double error[HW_CANDIDATES]);
+bool hw_scratch_optimum(void *context, const hw_domain *domain, double x[3]);
 
 // ---- metrics by name -------------------------------------------------------------------------
 

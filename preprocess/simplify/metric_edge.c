@@ -1,13 +1,13 @@
 // Squared edge length (GeMS 4.3): knows nothing of the surface, runs very fast, makes even meshes.
 #include "metrics.h"
 
-static void error(void *context, const hw_domain *r, const hw_candidates *c,
+static void error(void *context, const hw_domain *domain, const hw_candidates *c,
                   double out[HW_CANDIDATES])
 {
     (void)context;
     (void)c;
     for (uint32_t i = 0; i < HW_CANDIDATES; i++)
-        out[i] = r->length2;
+        out[i] = domain->length2;
 }
 
 hw_metric hw_metric_edge(void)

@@ -26,11 +26,10 @@ static inline hw_lanes volume(const hw_domain_face *f, const hw_candidates *c)
 static inline hw_lanes signed_square(const hw_domain_face *f, const hw_candidates *c)
 {
     double n2 = f->n[0] * f->n[0] + f->n[1] * f->n[1] + f->n[2] * f->n[2];
-    hw_lanes mx = f->m[0] + c->y * f->e[2] - c->z * f->e[1];
-    hw_lanes my = f->m[1] + c->z * f->e[0] - c->x * f->e[2];
-    hw_lanes mz = f->m[2] + c->x * f->e[1] - c->y * f->e[0];
-    hw_lanes along = f->n[0] * mx + f->n[1] * my + f->n[2] * mz;
-    return along * absolute(along) / (n2 * (mx * mx + my * my + mz * mz) + 1e-300);
+    hw_lanes m[3];
+    hw_domain_normals(f, c, m);
+    hw_lanes along = f->n[0] * m[0] + f->n[1] * m[1] + f->n[2] * m[2];
+    return along * absolute(along) / (n2 * (m[0] * m[0] + m[1] * m[1] + m[2] * m[2]) + 1e-300);
 }
 
 static inline double one_minus_cosine(double square)

@@ -29,13 +29,6 @@ static bool seen(const hw_domain *domain, uint32_t face, uint32_t v)
     return false;
 }
 
-static void add_base_point(hw_domain *domain, uint32_t v, double kappa)
-{
-    const double *p = domain->mesh->positions[v], *o = domain->origin;
-    const double x[3] = {p[0] - o[0], p[1] - o[1], p[2] - o[2]};
-    add_spring(&domain->scratch, x, kappa);
-}
-
 static void prepare(void *context, hw_domain *domain)
 {
     const springs *s = context;
@@ -52,9 +45,9 @@ static void prepare(void *context, hw_domain *domain)
         if (i >= domain->kept)
             continue;
         if (cycle || !seen(domain, i, f->q))
-            add_base_point(domain, f->q, s->kappa);
+            add_spring(&domain->scratch, f->at_q, s->kappa);
         if (!cycle && !seen(domain, i, f->r))
-            add_base_point(domain, f->r, s->kappa);
+            add_spring(&domain->scratch, f->at_r, s->kappa);
     }
 }
 
@@ -64,13 +57,6 @@ static void error(void *context, const hw_domain *r, const hw_candidates *c,
     (void)context;
     for (uint32_t i = 0; i < HW_CANDIDATES; i++)
         out[i] = hw_quadric_at(&r->scratch, c->x[i], c->y[i], c->z[i]);
-}
-
-static bool optimum(void *context, const hw_domain *r, double x[3])
-{
-    (void)context;
-    const double middle[3] = {r->ends[1][0] / 2, r->ends[1][1] / 2, r->ends[1][2] / 2};
-    return hw_quadric_minimise(&r->scratch, middle, x);
 }
 
 hw_status hw_metric_pm(double kappa, hw_metric *out)
@@ -84,7 +70,7 @@ hw_status hw_metric_pm(double kappa, hw_metric *out)
                        .placement = HW_PLACEMENT_SUBSET,
                        .prepare = prepare,
                        .error = error,
-                       .optimum = optimum,
+                       .optimum = hw_scratch_optimum,
                        .destroy = hw_free};
     return HW_OK;
 }

@@ -10,35 +10,35 @@ typedef struct qem {
     hw_quadric quadrics[]; // per vertex
 } qem;
 
-static void prepare(void *context, hw_domain *r)
+static void prepare(void *context, hw_domain *domain)
 {
     const qem *m = context;
-    r->scratch = m->quadrics[r->a];
-    hw_quadric_add(&r->scratch, &m->quadrics[r->b]);
+    domain->scratch = m->quadrics[domain->a];
+    hw_quadric_add(&domain->scratch, &m->quadrics[domain->b]);
 }
 
-static void error(void *context, const hw_domain *r, const hw_candidates *c,
+static void error(void *context, const hw_domain *domain, const hw_candidates *c,
                   double out[HW_CANDIDATES])
 {
     const qem *m = context;
-    const double *o = r->origin, *p = m->origin;
+    const double *o = domain->origin, *p = m->origin;
     for (uint32_t i = 0; i < HW_CANDIDATES; i++) {
-        double sum = hw_quadric_at(&r->scratch, c->x[i] + o[0] - p[0], c->y[i] + o[1] - p[1],
+        double sum = hw_quadric_at(&domain->scratch, c->x[i] + o[0] - p[0], c->y[i] + o[1] - p[1],
                                    c->z[i] + o[2] - p[2]);
-        out[i] = r->scratch.weight > 0 ? sum / r->scratch.weight : 0;
+        out[i] = domain->scratch.weight > 0 ? sum / domain->scratch.weight : 0;
     }
 }
 
-static bool optimum(void *context, const hw_domain *r, double x[3])
+static bool optimum(void *context, const hw_domain *domain, double x[3])
 {
     const qem *m = context;
     double middle[3];
     for (int i = 0; i < 3; i++)
-        middle[i] = r->ends[1][i] / 2 + r->origin[i] - m->origin[i];
-    if (!hw_quadric_minimise(&r->scratch, middle, x))
+        middle[i] = domain->ends[1][i] / 2 + domain->origin[i] - m->origin[i];
+    if (!hw_quadric_minimise(&domain->scratch, middle, x))
         return false;
     for (int i = 0; i < 3; i++)
-        x[i] += m->origin[i] - r->origin[i];
+        x[i] += m->origin[i] - domain->origin[i];
     return true;
 }
 
@@ -80,6 +80,7 @@ hw_status hw_metric_qem(const hw_collapser *c, hw_metric *out)
     *out = (hw_metric){.name = "qem",
                        .context = m,
                        .placement = HW_PLACEMENT_OPTIMAL,
+                       .edge_only = true,
                        .prepare = prepare,
                        .error = error,
                        .optimum = optimum,

@@ -38,22 +38,6 @@ static void prepare(void *context, hw_domain *domain)
     }
 }
 
-static void error(void *context, const hw_domain *domain, const hw_candidates *c,
-                  double out[HW_CANDIDATES])
-{
-    (void)context;
-    for (uint32_t i = 0; i < HW_CANDIDATES; i++)
-        out[i] = hw_quadric_at(&domain->scratch, c->x[i], c->y[i], c->z[i]);
-}
-
-static bool optimum(void *context, const hw_domain *domain, double x[3])
-{
-    (void)context;
-    const double middle[3] = {domain->ends[1][0] / 2, domain->ends[1][1] / 2,
-                              domain->ends[1][2] / 2};
-    return hw_quadric_minimise(&domain->scratch, middle, x);
-}
-
 hw_status hw_metric_screen(const hw_metric_setup *setup, hw_metric *out)
 {
     screen *s = NULL;
@@ -67,8 +51,8 @@ hw_status hw_metric_screen(const hw_metric_setup *setup, hw_metric *out)
                        .context = s,
                        .placement = HW_PLACEMENT_OPTIMAL,
                        .prepare = prepare,
-                       .error = error,
-                       .optimum = optimum,
+                       .error = hw_scratch_error,
+                       .optimum = hw_scratch_optimum,
                        .destroy = hw_free};
     return HW_OK;
 }

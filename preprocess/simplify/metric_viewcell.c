@@ -20,11 +20,11 @@ float hw_viewcell_weight(bool front, double depth, float pixel_depth, uint8_t ca
                                                                  : category);
 }
 
-static void error(void *context, const hw_domain *r, const hw_candidates *c,
+static void error(void *context, const hw_domain *domain, const hw_candidates *c,
                   double out[HW_CANDIDATES])
 {
     const hw_viewcell_metric *m = context;
-    uint32_t a = r->a, b = r->b;
+    uint32_t a = domain->a, b = domain->b;
     const float *na = m->normals[a], *nb = m->normals[b];
     double turn = 1.5 - ((double)na[0] * nb[0] + (double)na[1] * nb[1] + (double)na[2] * nb[2]);
     double dx = (double)m->image[a][0] - m->image[b][0],

@@ -2,42 +2,34 @@
 // encloses, and among the places that do so it sweeps the least: the sum over the faces of the
 // squared volume between face and vertex. That weights planes by the square of their area.
 #include "metrics.h"
+#include <string.h>
 
-#define SHAPE 1e-9 // as in metric_quadric.c
-
-static void prepare(void *context, hw_domain *r)
+static void prepare(void *context, hw_domain *domain)
 {
     (void)context;
-    double *g = r->constraint;
-    r->scratch = (hw_quadric){0};
-    g[0] = g[1] = g[2] = g[3] = 0;
-    for (uint32_t i = 0; i < r->count; i++) {
-        const hw_domain_face *f = &r->faces[i];
-        bool wall = f->q == f->r;
+    hw_quadric q = {0};
+    double g[4] = {0, 0, 0, 0};
+    for (uint32_t i = 0; i < domain->count; i++) {
+        const hw_domain_face *f = &domain->faces[i];
         double size2 = f->n[0] * f->n[0] + f->n[1] * f->n[1] + f->n[2] * f->n[2];
-        hw_quadric_add_plane(&r->scratch, f->n, f->d, 1, size2);
-        if (wall)
+        hw_quadric_add_plane(&q, f->n, f->d, 1, size2);
+        if (f->q == f->r) // a wall encloses nothing
             continue;
         for (int k = 0; k < 3; k++)
             g[k] += f->n[k];
         g[3] += f->d;
     }
+    domain->scratch = q;
+    memcpy(domain->constraint, g, sizeof g);
 }
 
-static void error(void *context, const hw_domain *r, const hw_candidates *c,
-                  double out[HW_CANDIDATES])
+static bool optimum(void *context, const hw_domain *domain, double x[3])
 {
     (void)context;
-    for (uint32_t i = 0; i < HW_CANDIDATES; i++)
-        out[i] = hw_quadric_at(&r->scratch, c->x[i], c->y[i], c->z[i]) +
-                 SHAPE * r->length2 * r->scratch.weight;
-}
-
-static bool optimum(void *context, const hw_domain *r, double x[3])
-{
-    (void)context;
-    const double middle[3] = {r->ends[1][0] / 2, r->ends[1][1] / 2, r->ends[1][2] / 2};
-    return hw_quadric_minimise_on(&r->scratch, r->constraint, r->constraint[3], middle, x);
+    const double middle[3] = {domain->ends[1][0] / 2, domain->ends[1][1] / 2,
+                              domain->ends[1][2] / 2};
+    return hw_quadric_minimise_on(&domain->scratch, domain->constraint, domain->constraint[3],
+                                  middle, x);
 }
 
 hw_metric hw_metric_volume(void)
@@ -45,6 +37,6 @@ hw_metric hw_metric_volume(void)
     return (hw_metric){.name = "volume",
                        .placement = HW_PLACEMENT_OPTIMAL,
                        .prepare = prepare,
-                       .error = error,
+                       .error = hw_scratch_error,
                        .optimum = optimum};
 }

@@ -33,14 +33,14 @@ static hw_status record(hw_recorder *r, const hw_collapser *c, const hw_collapse
     to_float(c->positions[removed], out->removed_before);
     to_float(collapse->position, out->merged);
     for (uint32_t k = c->first_corner[removed]; k != HW_NO_VERTEX; k = hw_next_corner(c, k)) {
-        const uint32_t *face = c->faces[k / 3];
+        const uint32_t *face = c->faces[k / 4];
         if (hw_face_has(face, kept)) { // at most two: collapse_valid
             memcpy(out->face_corners[faces], face, sizeof out->face_corners[0]);
-            out->faces[faces++] = k / 3;
+            out->faces[faces++] = k / 4;
             continue;
         }
         HW_TRY(HW_RESERVE(&r->corners, &r->corner_capacity, r->corner_count + 1));
-        r->corners[r->corner_count++] = k;
+        r->corners[r->corner_count++] = k / 4 * 3 + k % 4;
         out->corner_count++;
     }
     r->collapse_count++;

@@ -40,12 +40,12 @@ typedef struct hw_simplify_options {
 
 typedef struct hw_simplify_facts {
     uint32_t faces_before, vertices_before; // of the welded original
-    uint32_t dropped_faces;  // degenerate or repeated ones, and pairs that enclose nothing
-    uint32_t split_vertices; // copies made where sheets touch
-    uint32_t complex_edges;  // that could not be split: their ends stayed
-    uint32_t border_edges;   // of the original
-    uint32_t batches;        // 0: one order
-    double seconds, fit_seconds; // of this thread, for the collapses and for fitting
+    uint32_t dropped_faces;                 // degenerate ones, and pairs back to back
+    uint32_t split_vertices;                // copies made where sheets touch
+    uint32_t complex_edges;                 // that could not be split: their ends stayed
+    uint32_t border_edges;                  // of the original
+    uint32_t batches;                       // 0: one order
+    double seconds, fit_seconds;            // of this thread, for the collapses and for fitting
 } hw_simplify_facts;
 
 typedef struct hw_simplified {

@@ -243,10 +243,10 @@ static void test_hostile_members(void **state)
         assert_int_equal(parse_changed(cases[i][0], cases[i][1], cases[i][2]), HW_FORMAT);
         assert_int_equal(parse_changed(cases[i][0], cases[i][1], NULL), HW_FORMAT);
     }
-    assert_int_equal(parse_changed(NULL, "version", "1"), HW_OK);
+    assert_int_equal(parse_changed(NULL, "version", "2"), HW_OK);
     assert_int_equal(parse_changed(NULL, "version", NULL), HW_FORMAT);
-    assert_int_equal(parse_changed(NULL, "version", "2"), HW_VERSION);
-    assert_non_null(strstr(hw_error_text(), "dataset version 2, this program reads 1"));
+    assert_int_equal(parse_changed(NULL, "version", "3"), HW_VERSION);
+    assert_non_null(strstr(hw_error_text(), "dataset version 3, this program reads 2"));
 }
 
 static void test_wrong_folders(void **state)

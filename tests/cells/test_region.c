@@ -81,7 +81,8 @@ static void test_facing_holds_for_the_whole_cell(void **state)
                            0,
                            (double)uniform(&rng, 0, 30),
                            9,
-                           9};
+                           9,
+                           1};
         hw_cell_id id = {0, (int32_t)hw_rng_below(&rng, 5), (int32_t)hw_rng_below(&rng, 5)};
         hw_vec3 corners[HW_CELL_CORNERS], a = random_point(&rng, 200), b, c;
         b = hw_v3_add(a, random_point(&rng, 10));
@@ -187,12 +188,12 @@ static void test_distances(void **state)
     (void)state;
     hw_rng rng = hw_rng_make(13, 7);
     for (int t = 0; t < 400; t++) {
-        hw_hexgrid grid = {0, 0, (double)uniform(&rng, 2, 30), -1, (double)uniform(&rng, 0, 20),
-                           9, 9};
+        hw_hexgrid grid = {0, 0, (double)uniform(&rng, 2, 30), -1, (double)uniform(&rng, 0, 20), 9,
+                           9, 2};
         hw_cell_id id = {(int32_t)hw_rng_below(&rng, 2), 0, 0};
         const double centre[3] = {0, 0, 0.5 * (grid.z_min + grid.z_max)};
         hw_hexgrid scaled = grid;
-        scaled.cell_size = ldexp(grid.cell_size, id.level);
+        scaled.cell_size = hw_cell_side(&grid, id.level);
         hw_vec3 low = random_point(&rng, 80);
         hw_vec3 size = hw_v3(uniform(&rng, 0, 40), uniform(&rng, 0, 40), uniform(&rng, 0, 40));
         hw_box box = {low, hw_v3_add(low, size)};
@@ -223,7 +224,7 @@ static void test_distances(void **state)
 static void test_distances_by_hand(void **state)
 {
     (void)state;
-    hw_hexgrid grid = {0, 0, 10, 0, 4, 1, 1};
+    hw_hexgrid grid = {0, 0, 10, 0, 4, 1, 1, 1};
     hw_cell_id id = {0, 0, 0};
     // East: corner 0 at (10, 0). 3 beside and 4 above: 5.
     hw_region_distance d = hw_region_distance_to(&grid, id, (hw_box){{13, -1, 8}, {20, 1, 9}});
@@ -265,7 +266,7 @@ static void test_effective_distance(void **state)
 {
     (void)state;
     hw_rng rng = hw_rng_make(21, 3);
-    hw_hexgrid grid = {0, 0, 10, 0, 6, 1, 1};
+    hw_hexgrid grid = {0, 0, 10, 0, 6, 1, 1, 1};
     for (int t = 0; t < 40; t++) {
         float angle = uniform(&rng, 0, 6.28f), far = uniform(&rng, 12, 60);
         hw_vec3 at = hw_v3(far * cosf(angle), far * sinf(angle), uniform(&rng, 0, 20));

@@ -136,7 +136,7 @@ EOF
     echo '{"fov_degrees": 60, "frames": [{"t": 0, "eye": [0, 0, 12], "forward": [1, 0, 0], "up": [0, 0, 1]}]}' >one.json
 }
 
-commands=(park build tour walk render measure compare info)
+commands=(park build tour walk render measure compare simplify info)
 
 # The forms of wrong options are tested with the parser (test_options.c); here, that they arrive.
 check_usage() {
@@ -150,7 +150,7 @@ check_usage() {
         expect 2 "unknown option '--frobnicate'.*help $command'" "$command" --frobnicate
         expect 2 "help $command'" "$command" a b c d e f
     done
-    for command in build tour walk render measure compare info; do
+    for command in build tour walk render measure compare simplify info; do
         expect 2 "missing.*help $command'" "$command"
     done
     expect 2 "did you mean '--cell-size'" build tetra.off -o data --cell-sise 4
