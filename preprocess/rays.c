@@ -227,11 +227,16 @@ out:
     return status;
 }
 
+uint64_t hw_rays_build_bytes(const hw_mesh *mesh)
+{
+    return (uint64_t)mesh->index_count / 3 * BUILD_BYTES;
+}
+
 static hw_status build_tree(const hw_rays *rays, uint32_t mesh_idx, RTCScene *out)
 {
     pager *p = rays->pager;
     const hw_mesh *mesh = &p->scene->meshes[mesh_idx];
-    uint64_t bytes = (uint64_t)mesh->index_count / 3 * BUILD_BYTES;
+    uint64_t bytes = hw_rays_build_bytes(mesh);
     *out = NULL;
     HW_TRY(p->memory.reserve(p->memory.context, bytes));
     hw_status status = create_mesh_scene(rays->device, mesh, out);
