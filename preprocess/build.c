@@ -373,19 +373,31 @@ out:
     return status;
 }
 
+// The tree of the whole scene, which occlusion needs: within a bound it must fit as it is.
+static hw_status make_whole_rays(build *b)
+{
+    uint64_t bytes = 0;
+    for (uint32_t i = 0; i < b->scene.mesh_count; i++)
+        bytes += hw_rays_build_bytes(&b->scene.meshes[i]);
+    HW_TRY(hw_budget_reserve(b->budget, bytes));
+    hw_status status = hw_rays_create_scene(&b->rays, &b->scene);
+    hw_budget_release(b->budget, bytes);
+    return status;
+}
+
 static hw_status make_rays(build *b)
 {
     hw_status status = HW_OK;
     double start = hw_clock_ms();
     keyed *keys = NULL;
-    if (b->budget) {
+    if (b->budget && !b->options->cull_occluded) {
         HW_GO(HW_NEW(&keys, b->scene.object_count));
         for (uint32_t i = 0; i < b->scene.object_count; i++)
             keys[i] = (keyed){b->scene.objects[i].mesh_idx, i};
         HW_GO(order_by_key(keys, b->scene.object_count, &b->order));
         HW_GO(hw_budget_create_rays(b->budget, &b->scene, &b->rays));
     } else {
-        HW_GO(hw_rays_create_scene(&b->rays, &b->scene));
+        HW_GO(make_whole_rays(b));
     }
     HW_GO(hw_capturer_create(&b->scene, b->rays, &b->capturer));
     if (b->options->cull_occluded)

@@ -6,6 +6,16 @@
 #include <pthread.h>
 #include <string.h>
 
+#ifdef __SANITIZE_THREAD__
+// Embree guards the list of its threads' allocators by a lock of its own making, and TBB below it
+// works with atomics: the thread sanitizer, which has compiled neither, sees no order in them.
+const char *__tsan_default_suppressions(void);
+const char *__tsan_default_suppressions(void)
+{
+    return "race:libembree3.so\nrace:libtbb.so\n";
+}
+#endif
+
 // Where an object's own mesh lies: its scene, and the way from world to mesh space.
 typedef struct object_place {
     uint32_t mesh_idx;
@@ -217,11 +227,16 @@ out:
     return status;
 }
 
+uint64_t hw_rays_build_bytes(const hw_mesh *mesh)
+{
+    return (uint64_t)mesh->index_count / 3 * BUILD_BYTES;
+}
+
 static hw_status build_tree(const hw_rays *rays, uint32_t mesh_idx, RTCScene *out)
 {
     pager *p = rays->pager;
     const hw_mesh *mesh = &p->scene->meshes[mesh_idx];
-    uint64_t bytes = (uint64_t)mesh->index_count / 3 * BUILD_BYTES;
+    uint64_t bytes = hw_rays_build_bytes(mesh);
     *out = NULL;
     HW_TRY(p->memory.reserve(p->memory.context, bytes));
     hw_status status = create_mesh_scene(rays->device, mesh, out);

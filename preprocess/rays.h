@@ -16,6 +16,8 @@ typedef struct hw_rays_memory {
     hw_status (*reserve)(void *context, uint64_t bytes); // about what the build needs at its peak
     void (*release)(void *context, uint64_t bytes);
 } hw_rays_memory;
+// What is reserved for one mesh.
+uint64_t hw_rays_build_bytes(const hw_mesh *mesh);
 // A whole scene, of which a mesh's tree is built when it is pinned and may go when it is not. The
 // hits on an object are those of hw_rays_create_scene; there is no tree of all objects, so
 // hw_rays_cast and hw_rays_occluded must not be called. Borrows the scene.

@@ -227,6 +227,16 @@ static void bounds_of_memory_change_no_byte(void **state)
     }
     hw_build_report report;
     hw_build_options o = options_for("sh_bound");
+    // Culling by occlusion wants the tree of the whole scene.
+    remove_tree("sh_bound");
+    remove_tree("sh_culled");
+    o.cull_occluded = true;
+    o.memory_bytes = UINT64_C(1) << 40;
+    build(&o, &report);
+    o.memory_bytes = 0;
+    o.dataset = "sh_culled";
+    build(&o, &report);
+    assert_same_datasets("sh_culled", "sh_bound");
     o.memory_bytes = 1 << 20;
     assert_int_equal(hw_build_run(&o, &report), HW_LIMIT);
     assert_non_null(strstr(hw_error_text(), "2M of memory are not enough"));
