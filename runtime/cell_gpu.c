@@ -24,24 +24,30 @@ static hw_status check_cell(const hw_cell *cell, const hw_manifest *manifest, hw
     return HW_OK;
 }
 
-// Sector by sector, in each front to back as seen from the cell centre: order[i].index becomes the
-// record to draw as the i-th.
+static int find_bin(const hw_cell *cell, const hw_far_record *record)
+{
+    hw_vec3 d = hw_v3_sub(hw_box_centre(record->bounds), cell->centre);
+    int sector = (int)((atan2(d.y, d.x) / (2 * HW_PI) + 0.5) * SECTORS) % SECTORS;
+    return sector + (record->cut_out ? SECTORS : 0);
+}
+
+// Opaque records, then cut-out ones; of each, sector by sector, front to back as seen from the cell
+// centre: order[i].index becomes the record to draw as the i-th.
 static void order_records(const hw_cell *cell, hw_cull_item *order, hw_cull_item *scratch)
 {
     for (uint32_t i = 0; i < cell->far_count; i++)
         order[i] = (hw_cull_item){hw_box_distance(cell->far[i].bounds, cell->centre), i};
     hw_cull_sort(order, cell->far_count, scratch);
-    uint32_t starts[SECTORS + 1] = {0};
+    uint32_t starts[2 * SECTORS + 1] = {0};
     for (int pass = 0; pass < 2; pass++) {
         for (uint32_t i = 0; i < cell->far_count; i++) {
-            hw_vec3 d = hw_v3_sub(hw_box_centre(cell->far[order[i].index].bounds), cell->centre);
-            int sector = (int)((atan2(d.y, d.x) / (2 * HW_PI) + 0.5) * SECTORS) % SECTORS;
+            int bin = find_bin(cell, &cell->far[order[i].index]);
             if (pass == 0)
-                starts[sector + 1]++;
+                starts[bin + 1]++;
             else
-                scratch[starts[sector]++] = order[i];
+                scratch[starts[bin]++] = order[i];
         }
-        for (int s = 0; pass == 0 && s < SECTORS; s++)
+        for (int s = 0; pass == 0 && s < 2 * SECTORS; s++)
             starts[s + 1] += starts[s];
     }
     memcpy(order, scratch, cell->far_count * sizeof *order);
@@ -73,6 +79,7 @@ static hw_status arrange(hw_cell *cell, uint32_t *indices, hw_cell_gpu *out)
     for (uint32_t i = 0; i < cell->far_count; i++) {
         const hw_far_record *record = &cell->far[order[i].index];
         out->far[i] = make_draw(cell, record, first);
+        out->opaque_count += !record->cut_out;
         hw_cull_set_put(&out->far_bounds, i, record->bounds);
         for (uint32_t k = 0; k < record->vertex_count; k++)
             cell->vertices[record->first_vertex + k].record = (uint16_t)i;
@@ -101,8 +108,8 @@ static hw_status upload(hw_gpu_account *account, const hw_cell *cell, const uint
                                 (uint64_t)cell->index_count * sizeof *indices, GL_STATIC_DRAW,
                                 &out->indices));
     glBindVertexArray(0);
-    HW_TRY(hw_gpu_texture_create_bc1(account, cell->atlas_bc1, cell->atlas_width,
-                                     cell->atlas_height, &out->atlas));
+    HW_TRY(hw_gpu_texture_create_bc3(account, cell->atlas_bc1, cell->coverage_bc4,
+                                     cell->atlas_width, cell->atlas_height, &out->atlas));
     return HW_OK;
 }
 

@@ -22,6 +22,7 @@ typedef struct hw_cell_gpu {
     uint64_t used; // number of the last frame that drew it
     uint64_t gpu_bytes, file_bytes;
     uint32_t near_count, far_count;
+    uint32_t opaque_count; // of the far records; cut-out ones follow
     hw_near_record *near;
     hw_far_draw *far;
     hw_cull_set near_bounds, far_bounds; // in the order of near and far

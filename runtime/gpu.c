@@ -170,34 +170,59 @@ hw_status hw_gpu_texture_create(hw_gpu_account *account, const hw_image *image, 
     return texture_end(account, pixels * 4 * 4 / 3, out);
 }
 
-hw_status hw_gpu_texture_create_bc1(hw_gpu_account *account, const uint8_t *blocks, uint32_t width,
-                                    uint32_t height, hw_gpu_texture *out)
+// BC3 is a block of BC4 before each block of BC1.
+static hw_status upload_bc3(const uint8_t *colors, const uint8_t *alpha, uint32_t width,
+                            uint32_t height)
 {
-    *out = (hw_gpu_texture){0};
-    HW_TRY(check_size(width, height));
-    uint64_t bytes = hw_bc1_bytes(width, height);
-    // Software GL samples RGBA8 faster than it decodes blocks: 5 % of a frame.
-    if (GLAD_GL_EXT_texture_compression_s3tc && !hw_gpu_is_software()) {
-        texture_begin(out, GL_CLAMP_TO_EDGE, GL_LINEAR);
-        glCompressedTexImage2D(GL_TEXTURE_2D, 0, GL_COMPRESSED_RGB_S3TC_DXT1_EXT, (GLsizei)width,
-                               (GLsizei)height, 0, (GLsizei)bytes, blocks);
-        return texture_end(account, bytes, out);
+    size_t bytes = hw_bc1_bytes(width, height);
+    uint8_t *joined = NULL;
+    HW_TRY(hw_alloc((void **)&joined, bytes, 2));
+    for (size_t i = 0; i < bytes; i += 8) {
+        memcpy(joined + 2 * i, alpha + i, 8);
+        memcpy(joined + 2 * i + 8, colors + i, 8);
     }
-    // Decoded in bands, so that the whole image is never there twice.
+    glCompressedTexImage2D(GL_TEXTURE_2D, 0, GL_COMPRESSED_RGBA_S3TC_DXT5_EXT, (GLsizei)width,
+                           (GLsizei)height, 0, (GLsizei)(2 * bytes), joined);
+    hw_free(joined);
+    return HW_OK;
+}
+
+// Decoded in bands, so that the whole image is never there twice.
+static hw_status upload_decoded(const uint8_t *colors, const uint8_t *alpha, uint32_t width,
+                                uint32_t height)
+{
     uint8_t *rgba = NULL;
     HW_TRY(hw_alloc((void **)&rgba, (size_t)width * BAND_ROWS, 4));
-    texture_begin(out, GL_CLAMP_TO_EDGE, GL_LINEAR);
     glTexImage2D(GL_TEXTURE_2D, 0, GL_RGBA8, (GLsizei)width, (GLsizei)height, 0, GL_RGBA,
                  GL_UNSIGNED_BYTE, NULL);
     for (uint32_t y = 0; y < height; y += BAND_ROWS) {
         uint32_t rows = height - y < BAND_ROWS ? height - y : BAND_ROWS;
-        hw_bc1_decode(blocks + hw_bc1_bytes(width, y), width, rows, rgba);
+        hw_bc1_decode(colors + hw_bc1_bytes(width, y), width, rows, rgba);
+        hw_bc4_decode(alpha + hw_bc1_bytes(width, y), width, rows, 4, rgba + 3);
         glTexSubImage2D(GL_TEXTURE_2D, 0, 0, (GLint)y, (GLsizei)width, (GLsizei)rows, GL_RGBA,
                         GL_UNSIGNED_BYTE, rgba);
     }
     hw_free(rgba);
-    bytes = (uint64_t)width * height * 4;
-    return texture_end(account, bytes, out);
+    return HW_OK;
+}
+
+hw_status hw_gpu_texture_create_bc3(hw_gpu_account *account, const uint8_t *colors_bc1,
+                                    const uint8_t *alpha_bc4, uint32_t width, uint32_t height,
+                                    hw_gpu_texture *out)
+{
+    *out = (hw_gpu_texture){0};
+    HW_TRY(check_size(width, height));
+    // Software GL samples RGBA8 faster than it decodes blocks: 5 % of a frame.
+    bool packed = GLAD_GL_EXT_texture_compression_s3tc && !hw_gpu_is_software();
+    texture_begin(out, GL_CLAMP_TO_EDGE, GL_LINEAR);
+    hw_status status = packed ? upload_bc3(colors_bc1, alpha_bc4, width, height)
+                              : upload_decoded(colors_bc1, alpha_bc4, width, height);
+    if (status != HW_OK) {
+        glDeleteTextures(1, &out->name);
+        *out = (hw_gpu_texture){0};
+        return status;
+    }
+    return texture_end(account, (uint64_t)width * height * (packed ? 1 : 4), out);
 }
 
 void hw_gpu_texture_destroy(hw_gpu_account *account, hw_gpu_texture *texture)

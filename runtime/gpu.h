@@ -41,11 +41,12 @@ typedef struct hw_gpu_texture {
 // Repeating, mip-mapped, trilinear, from an image of 1, 3 or 4 channels; image row 0 becomes v = 0.
 HW_MUST_USE hw_status hw_gpu_texture_create(hw_gpu_account *account, const hw_image *image,
                                             hw_gpu_texture *out);
-// Bilinear, clamped, without mipmaps, from BC1 blocks (sides multiples of 4); row 0 becomes v = 0.
-// Uploaded as it is where the GL has the format in hardware, else as RGBA8.
-HW_MUST_USE hw_status hw_gpu_texture_create_bc1(hw_gpu_account *account, const uint8_t *blocks,
-                                                uint32_t width, uint32_t height,
-                                                hw_gpu_texture *out);
+// Bilinear, clamped, without mipmaps, from BC1 blocks of colours and BC4 blocks of alpha (sides
+// multiples of 4); row 0 becomes v = 0. Uploaded as BC3 where the GL has that in hardware, else as
+// RGBA8.
+HW_MUST_USE hw_status hw_gpu_texture_create_bc3(hw_gpu_account *account, const uint8_t *colors_bc1,
+                                                const uint8_t *alpha_bc4, uint32_t width,
+                                                uint32_t height, hw_gpu_texture *out);
 void hw_gpu_texture_destroy(hw_gpu_account *account, hw_gpu_texture *texture);
 
 // Whether GL runs on the processor (llvmpipe, softpipe, swrast).

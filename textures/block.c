@@ -83,3 +83,48 @@ void hw_bc1_decode(const uint8_t *blocks, uint32_t width, uint32_t height, uint8
         }
     }
 }
+
+void hw_bc4_encode(const hw_image *image, uint32_t channel, uint8_t *out)
+{
+    assert(channel < image->channels && image->width % 4 == 0 && image->height % 4 == 0);
+    uint8_t values[16];
+    for (uint32_t y = 0; y < image->height; y += 4) {
+        for (uint32_t x = 0; x < image->width; x += 4, out += BLOCK_BYTES) {
+            for (uint32_t i = 0; i < 16; i++) {
+                size_t pixel = (size_t)(y + i / 4) * image->width + x + i % 4;
+                values[i] = image->data[pixel * image->channels + channel];
+            }
+            stb_compress_bc4_block(out, values);
+        }
+    }
+}
+
+// The eight values of a block (EXT_texture_compression_rgtc, red): v0 > v1 gives sixths in between,
+// else fifths, 0 and 255.
+static void block_values(const uint8_t *block, uint8_t values[8])
+{
+    uint32_t v0 = block[0], v1 = block[1], steps = v0 > v1 ? 7 : 5;
+    values[0] = block[0];
+    values[1] = block[1];
+    values[6] = 0;
+    values[7] = 255;
+    for (uint32_t k = 1; k < steps; k++)
+        values[k + 1] = (uint8_t)((v0 * (steps - k) + v1 * k + steps / 2) / steps);
+}
+
+void hw_bc4_decode(const uint8_t *blocks, uint32_t width, uint32_t height, uint32_t stride,
+                   uint8_t *out)
+{
+    assert(width % 4 == 0 && height % 4 == 0);
+    for (uint32_t y = 0; y < height; y += 4) {
+        for (uint32_t x = 0; x < width; x += 4, blocks += BLOCK_BYTES) {
+            uint8_t values[8];
+            uint64_t codes = 0;
+            block_values(blocks, values);
+            for (uint32_t i = 0; i < 6; i++)
+                codes |= (uint64_t)blocks[2 + i] << (8 * i);
+            for (uint32_t i = 0; i < 16; i++, codes >>= 3)
+                out[((size_t)(y + i / 4) * width + x + i % 4) * stride] = values[codes & 7];
+        }
+    }
+}

@@ -200,6 +200,8 @@ static void paint_atlas(hw_cell *cell)
     cell->atlas_width = cell->atlas_height = ATLAS;
     assert_ok(HW_NEW(&cell->atlas_bc1, hw_bc1_bytes(ATLAS, ATLAS)));
     hw_bc1_encode(&image, cell->atlas_bc1);
+    assert_ok(HW_NEW(&cell->coverage_bc4, hw_bc1_bytes(cell->atlas_width, cell->atlas_height)));
+    memset(cell->coverage_bc4, 255, hw_bc1_bytes(cell->atlas_width, cell->atlas_height));
     hw_image_free(&image);
 }
 
@@ -227,6 +229,7 @@ static void write_cell(const fixture *f, hw_cell_id id, bool with_far)
         uint16_t z = q == 0 ? 16384 : 49151;
         cell.far[q] = (hw_far_record){NEAR_OBJECTS + q * 4,
                                       FACE,
+                                      false,
                                       quad->x_min,
                                       quad->x_max,
                                       quad->y_min,
@@ -377,17 +380,23 @@ static hw_scene crowd_scene(hw_vec3 centre)
     return scene;
 }
 
-// Six fields of 8 x 8 texels, the squares' rectangles inside them.
+// Six fields of 8 x 8 texels, covered in the middle 4 x 4: the squares' rectangles.
 static void crowd_atlas(hw_cell *cell)
 {
     hw_image image = {0};
-    assert_ok(hw_image_make(&image, 48, 8, 3));
-    for (uint32_t i = 0; i < 48 * 8; i++)
-        memcpy(image.data + (size_t)i * 3, palette[i % 48 / 8], 3);
+    assert_ok(hw_image_make(&image, 48, 8, 4));
+    for (uint32_t i = 0; i < 48 * 8; i++) {
+        uint32_t x = i % 8, y = i / 48;
+        bool covered = x >= 2 && x < 6 && y >= 2 && y < 6;
+        memcpy(image.data + (size_t)i * 4, palette[i % 48 / 8], 3);
+        image.data[i * 4 + 3] = covered ? 255 : 0;
+    }
     cell->atlas_width = 48;
     cell->atlas_height = 8;
     assert_ok(HW_NEW(&cell->atlas_bc1, hw_bc1_bytes(48, 8)));
     hw_bc1_encode(&image, cell->atlas_bc1);
+    assert_ok(HW_NEW(&cell->coverage_bc4, hw_bc1_bytes(cell->atlas_width, cell->atlas_height)));
+    hw_bc4_encode(&image, 3, cell->coverage_bc4);
     hw_image_free(&image);
 }
 
@@ -403,19 +412,25 @@ static void write_crowd(const fixture *f, hw_cell_id id, const hw_scene *scene)
     assert_ok(HW_NEW(&cell.indices, cell.index_count));
     for (uint32_t i = 0; i < CROWD; i++) {
         crowd_square s = crowd_place(i);
-        cell.far[i] = (hw_far_record){.face = s.face,
-                                      .x_min = s.x - s.half,
-                                      .x_max = s.x + s.half,
-                                      .y_min = s.y - s.half,
-                                      .y_max = s.y + s.half,
-                                      .iz_min = 1 / s.depth,
-                                      .iz_max = 1.5f / s.depth,
-                                      .bounds = scene->objects[i].bounds,
-                                      .rect = {s.color * 8 + 2, 2, 4, 4},
-                                      .first_vertex = i * 4,
-                                      .vertex_count = 4,
-                                      .first_index = i * 6,
-                                      .index_count = 6};
+        // Every second one is twice as large as its square, and cut out.
+        bool cut_out = i % 2;
+        s.half *= cut_out ? 2 : 1;
+        uint32_t border = cut_out ? 0 : 2;
+        cell.far[i] =
+            (hw_far_record){.face = s.face,
+                            .cut_out = cut_out,
+                            .x_min = s.x - s.half,
+                            .x_max = s.x + s.half,
+                            .y_min = s.y - s.half,
+                            .y_max = s.y + s.half,
+                            .iz_min = 1 / s.depth,
+                            .iz_max = 1.5f / s.depth,
+                            .bounds = scene->objects[i].bounds,
+                            .rect = {s.color * 8 + border, border, 8 - 2 * border, 8 - 2 * border},
+                            .first_vertex = i * 4,
+                            .vertex_count = 4,
+                            .first_index = i * 6,
+                            .index_count = 6};
         for (uint32_t k = 0; k < 4; k++)
             cell.vertices[i * 4 + k] =
                 (hw_far_vertex){k % 2 ? 65535 : 0, k / 2 ? 65535 : 0, 0, (uint16_t)i};
