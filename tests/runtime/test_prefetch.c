@@ -281,6 +281,8 @@ static void test_simulated_waits(void **state)
 static void hide_cells(const fixture *f, bool hide)
 {
     char from[96], to[96];
+    snprintf(from, sizeof from, "%s/%s", f->dataset.folder, hide ? "cells" : "hidden");
+    snprintf(to, sizeof to, "%s/%s", f->dataset.folder, hide ? "hidden" : "cells");
     assert_int_equal(rename(from, to), 0);
 }
 
