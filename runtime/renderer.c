@@ -70,6 +70,12 @@ hw_status hw_renderer_draw(hw_renderer *renderer, const hw_camera *camera, hw_fr
     return hw_gpu_check("drawing a frame");
 }
 
+void hw_renderer_advance(hw_renderer *renderer, double dt_s)
+{
+    if (renderer->backend->advance)
+        renderer->backend->advance(renderer->state, dt_s);
+}
+
 uint64_t hw_renderer_gpu_bytes(const hw_renderer *renderer)
 {
     return renderer->account.bytes;

@@ -10,6 +10,7 @@ typedef struct hw_renderer_backend {
     // As in renderer.h; *stats comes zeroed. prepare may be NULL.
     hw_status (*prepare)(void *state, const hw_camera *camera, hw_frame_stats *stats);
     hw_status (*draw)(void *state, const hw_camera *camera, hw_frame_stats *stats);
+    void (*advance)(void *state, double dt_s); // may be NULL
 } hw_renderer_backend;
 
 extern const hw_renderer_backend hw_draw_all, hw_draw_culled, hw_draw_lod, hw_draw_hybrid;

@@ -17,3 +17,9 @@ void hw_bc4_encode(const hw_image *image, uint32_t channel, uint8_t *out);
 // Pixel i, row by row, becomes out[i * stride], within 1 of the exact interpolation.
 void hw_bc4_decode(const uint8_t *blocks, uint32_t width, uint32_t height, uint32_t stride,
                    uint8_t *out);
+
+size_t hw_bc3_bytes(uint32_t width, uint32_t height); // sides are multiples of 4
+// `bytes` of BC3 out of half as many each of BC1 and of BC4, the alpha.
+void hw_bc3_join(const uint8_t *bc1, const uint8_t *bc4, size_t bytes, uint8_t *out);
+// Into RGBA of width * height * 4 bytes.
+void hw_bc3_decode(const uint8_t *blocks, uint32_t width, uint32_t height, uint8_t *rgba);

@@ -14,21 +14,27 @@
 #include "tour.h"
 #include <glad/gl.h>
 #include <stdlib.h>
+#include <string.h>
 
 static struct {
-    const char *tour, *output, *config, *samples, *scene, *frame, *json;
+    const char *tour, *output, *config, *samples, *scene, *frame, *json, *prefetch;
     uint32_t size[2];
-    uint64_t every;
+    uint64_t every, bandwidth, gpu_budget, ram_budget;
     double lod_error;
     bool no_images;
-} options = {.samples = "1", .config = "C", .size = {1024, 1024}, .every = 1, .lod_error = 1};
+} options = {.samples = "1",
+             .config = "C",
+             .prefetch = "off",
+             .size = {1024, 1024},
+             .every = 1,
+             .lod_error = 1};
 
 // What the frames add up to.
 typedef struct figures {
     uint32_t frames;
     double *frame_ms;
     uint64_t triangles, triangles_max, draws;
-    uint64_t load_bytes, stalls;
+    uint64_t load_bytes, stalls, missing; // missing: frames that lacked data
     double load_ms;
 } figures;
 
@@ -64,6 +70,15 @@ static uint32_t fill_options(hw_option *out, uint32_t capacity)
          "Largest projected error of configuration L in pixels."},
         {"scene", 0, HW_OPTION_STRING, &options.scene, "SCENE", NULL, 0, 0,
          "The original scene for configurations A, B and L, if it has moved since the build."},
+        {"prefetch", 0, HW_OPTION_CHOICE, &options.prefetch, NULL, "on|off", 0, 0,
+         "on: play the tour at its own time by a simulated clock, and draw what prefetching has "
+         "brought by then; off: wait for all that a frame needs."},
+        {"bandwidth", 0, HW_OPTION_BYTES, &options.bandwidth, "BYTES", NULL, 0, 0,
+         "With --prefetch on: read the dataset with at most so many bytes a second."},
+        {"gpu-budget", 0, HW_OPTION_BYTES, &options.gpu_budget, "BYTES", NULL, 0, 0,
+         "Memory for the dataset's data on the GPU; 0: 32 MiB."},
+        {"ram-budget", 0, HW_OPTION_BYTES, &options.ram_budget, "BYTES", NULL, 0, 0,
+         "Memory for data on their way to the GPU; 0: 10 MiB."},
         {"no-images", 0, HW_OPTION_FLAG, &options.no_images, NULL, NULL, 0, 0,
          "Write no images, only measure."},
         {"json", 0, HW_OPTION_STRING, &options.json, "FILE", NULL, 0, 0,
@@ -109,7 +124,7 @@ static hw_status read_scene(render *r, const char *path)
 {
     char *inside = NULL;
     HW_TRY(hw_path_join(&inside, path, "."));
-    bool is_folder = hw_path_exists(inside);
+    bool is_folder = hw_path_exists(inside), is_dataset = is_folder || hw_location_is_url(path);
     hw_free(inside);
     if (r->config == HW_CONFIG_C) {
         if (!is_folder && hw_path_exists(path))
@@ -117,9 +132,9 @@ static hw_status read_scene(render *r, const char *path)
         return HW_OK;
     }
     const char *scene_path = options.scene ? options.scene : path;
-    if (!options.scene && is_folder) {
+    if (!options.scene && is_dataset) {
         hw_manifest manifest = {0};
-        HW_TRY(hw_manifest_read(path, &manifest));
+        HW_TRY(hw_manifest_open(path, &manifest));
         r->scene_path = manifest.scene_path;
         manifest.scene_path = NULL;
         hw_manifest_free(&manifest);
@@ -128,13 +143,23 @@ static hw_status read_scene(render *r, const char *path)
     return hw_scene_import(scene_path, &r->scene);
 }
 
+static bool prefetches(void)
+{
+    return strcmp(options.prefetch, "on") == 0;
+}
+
 static hw_status make_renderer(render *r, const char *path)
 {
     const hw_context_desc context = {.kind = HW_CONTEXT_OFFSCREEN, .width = 16, .height = 16};
-    const hw_renderer_desc renderer = {.config = r->config,
-                                       .dataset = path,
-                                       .scene = &r->scene,
-                                       .lod_error_px = options.lod_error};
+    const hw_renderer_desc renderer = {
+        .config = r->config,
+        .dataset = path,
+        .scene = &r->scene,
+        .lod_error_px = options.lod_error,
+        .streaming = {.loading = prefetches() ? HW_LOADING_SIMULATED : HW_LOADING_WAITS,
+                      .bytes_per_second = options.bandwidth,
+                      .gpu_budget = options.gpu_budget,
+                      .ram_budget = options.ram_budget}};
     HW_TRY(hw_context_create(&context, &r->context));
     HW_TRY(hw_target_create(&r->target, options.size[0], options.size[1],
                             options.samples[0] == '4' ? 4 : 1));
@@ -196,6 +221,7 @@ static hw_status draw_frame(render *r, uint32_t frame)
     f->triangles += stats.triangles;
     f->triangles_max = stats.triangles > f->triangles_max ? stats.triangles : f->triangles_max;
     f->draws += stats.draws;
+    f->missing += stats.stream.missing > 0;
     count_load(f, &load);
     count_load(f, &stats);
     return options.no_images ? HW_OK : write_image(r, frame);
@@ -211,6 +237,9 @@ static hw_status draw_frames(render *r)
     HW_GO(warm_up(r));
     for (uint64_t frame = r->first; frame < r->end; frame += step) {
         HW_GO(draw_frame(r, (uint32_t)frame));
+        if (frame + step < r->end)
+            hw_renderer_advance(r->renderer,
+                                r->tour.frames[frame + step].t - r->tour.frames[frame].t);
         hw_progress_add(progress, 1);
     }
 out:
@@ -270,6 +299,7 @@ static hw_status report(render *r)
     hw_json_add_number(load, "bytes", (double)f->load_bytes);
     hw_json_add_number(load, "stalls", (double)f->stalls);
     hw_json_add_number(load, "seconds", f->load_ms / 1000);
+    hw_json_add_number(load, "frames_missing", (double)f->missing);
     hw_status status = hw_json_write(options.json, json);
     cJSON_Delete(json);
     return status;
@@ -305,11 +335,13 @@ out:
 const hw_command hw_cmd_render = {
     .name = "render",
     .summary = "Render the frames of a tour off screen.",
-    .arguments = "DATASET|SCENE --tour TOUR.json -o DIR",
+    .arguments = "DATASET|URL|SCENE --tour TOUR.json -o DIR",
     .description =
         "Draws a tour without a window and writes each frame as DIR/frame_NNNNN.png. Configuration "
         "C, the hybrid, reads the dataset alone; full geometry (A), geometry with culling (B) and "
-        "discrete levels of detail (L) read the scene the dataset was built from.\n\n"
+        "discrete levels of detail (L) read the scene the dataset was built from. A dataset may "
+        "also "
+        "be the URL (http://...) of its folder on a web server.\n\n"
         "A scene file instead of a dataset can be rendered without building anything, in "
         "configurations A, B and L.",
     .options = fill_options,

@@ -24,12 +24,12 @@
 #define SCENE_CELL   50.0
 
 static struct {
-    const char *tour, *config, *samples, *record, *scene;
+    const char *tour, *config, *samples, *record, *scene, *prefetch;
     uint32_t size[2];
     bool fullscreen;
     double lod_error;
-    uint64_t frames;
-} options = {.samples = "1", .size = {1280, 720}, .lod_error = 1};
+    uint64_t frames, bandwidth, gpu_budget, ram_budget;
+} options = {.samples = "1", .prefetch = "on", .size = {1280, 720}, .lod_error = 1};
 
 // Imports a scene beside the walk, which goes on meanwhile.
 typedef struct scene_loader {
@@ -73,7 +73,8 @@ typedef struct walk {
     double message_until_ms;
     pace pace;
     hw_frame_stats stats;
-    uint64_t frame_count;
+    uint64_t frame_count, missing_count; // missing: frames that lacked data
+    uint32_t problem_count;              // of the dataset's files that the visitor was told of
 } walk;
 
 // Ctrl-C in the terminal ends the walk as Escape does, so that a recording is not lost; a second
@@ -148,11 +149,11 @@ static hw_status open_input(walk *w, const char *path)
     w->path = path;
     const char *slash = strrchr(path, '/');
     w->name = slash && slash[1] ? slash + 1 : path;
-    w->is_dataset = is_folder(path);
+    w->is_dataset = hw_location_is_url(path) || is_folder(path);
     if (!w->is_dataset && !hw_path_exists(path))
         return hw_fail(HW_NOT_FOUND, "%s: no such dataset or scene", path);
     if (w->is_dataset)
-        HW_TRY(hw_manifest_read(path, &w->manifest));
+        HW_TRY(hw_manifest_open(path, &w->manifest));
     HW_TRY(choose_config(w));
     const char *scene = options.scene   ? options.scene
                         : w->is_dataset ? w->manifest.scene_path
@@ -291,7 +292,13 @@ static hw_status advance_config(walk *w)
     hw_renderer_desc desc = {.config = w->wanted,
                              .dataset = w->is_dataset ? w->path : NULL,
                              .scene = w->loader.loaded ? &w->loader.scene : NULL,
-                             .lod_error_px = options.lod_error};
+                             .lod_error_px = options.lod_error,
+                             .streaming = {.loading = strcmp(options.prefetch, "on") == 0
+                                                          ? HW_LOADING_AHEAD
+                                                          : HW_LOADING_WAITS,
+                                           .bytes_per_second = options.bandwidth,
+                                           .gpu_budget = options.gpu_budget,
+                                           .ram_budget = options.ram_budget}};
     HW_TRY(hw_renderer_create(&desc, &w->renderers[w->wanted]));
     if (!w->placed)
         HW_TRY(place_walker(w));
@@ -465,6 +472,16 @@ static void draw_hud(walk *w, const hw_camera *camera)
     hw_hud_draw(w->hud, w->input.width, w->input.height, &content);
 }
 
+// What could not be loaded: the best there is stays in view, and it is tried again.
+static void watch_stream(walk *w)
+{
+    const hw_stream_stats *s = &w->stats.stream;
+    w->missing_count += s->missing > 0;
+    if (s->problem_count > w->problem_count)
+        say(w, 2 * MESSAGE_MS, "%s; it will be tried again", s->problem);
+    w->problem_count = s->problem_count;
+}
+
 static hw_status draw_frame(walk *w)
 {
     hw_camera camera = {0};
@@ -477,6 +494,7 @@ static hw_status draw_frame(walk *w)
     w->stats = (hw_frame_stats){0};
     HW_TRY(hw_renderer_prepare(w->shown, &camera, &w->stats));
     HW_TRY(hw_renderer_draw(w->shown, &camera, &w->stats));
+    watch_stream(w);
     draw_hud(w, &camera);
     w->frame_count++;
     if (!w->input.pressed[HW_KEY_SCREENSHOT])
@@ -571,6 +589,8 @@ static hw_status run(int argc, const char *const *argv)
         goto out;
     double seconds = (hw_clock_ms() - start_ms) / 1000;
     printf("%llu frames in %.1f s\n", (unsigned long long)w->frame_count, seconds);
+    if (w->missing_count > 0)
+        printf("%llu of them lacked data\n", (unsigned long long)w->missing_count);
 out:
     close_walk(w);
     return status;
@@ -594,6 +614,16 @@ static uint32_t fill_options(hw_option *out, uint32_t capacity)
          "Record the walk as a tour from the start."},
         {"scene", 0, HW_OPTION_STRING, &options.scene, "SCENE", NULL, 0, 0,
          "The original scene for configurations A, B and L, if it has moved since the build."},
+        {"prefetch", 0, HW_OPTION_CHOICE, &options.prefetch, NULL, "on|off", 0, 0,
+         "Whether a thread loads what the walk may soon need; off: frames wait for what they "
+         "lack."},
+        {"bandwidth", 0, HW_OPTION_BYTES, &options.bandwidth, "BYTES", NULL, 0, 0,
+         "Read the dataset with at most so many bytes a second, 5M for instance; 0: as fast as it "
+         "comes."},
+        {"gpu-budget", 0, HW_OPTION_BYTES, &options.gpu_budget, "BYTES", NULL, 0, 0,
+         "Memory for the dataset's data on the GPU; 0: 32 MiB."},
+        {"ram-budget", 0, HW_OPTION_BYTES, &options.ram_budget, "BYTES", NULL, 0, 0,
+         "Memory for data on their way to the GPU; 0: 10 MiB."},
         {"frames", 0, HW_OPTION_UINT, &options.frames, "N", NULL, 0, 1e9,
          "Quit after so many frames; 0 walks on."},
     };
@@ -606,9 +636,10 @@ static uint32_t fill_options(hw_option *out, uint32_t capacity)
 const hw_command hw_cmd_walk = {
     .name = "walk",
     .summary = "Walk through a dataset in a window.",
-    .arguments = "DATASET|SCENE",
+    .arguments = "DATASET|URL|SCENE",
     .description =
-        "Opens a window on a dataset. W, A, S, D or the arrows walk, Q and E go down and up, Shift "
+        "Opens a window on a dataset, a folder or the URL of one on a web server. W, A, S, D or "
+        "the arrows walk, Q and E go down and up, Shift "
         "runs, a click lets the mouse turn the view, and F1 shows all keys. Keys 1 to 4 switch "
         "between full geometry (A), geometry with culling (B), discrete levels of detail (L) and "
         "the hybrid (C); the first three load the original scene on first use. F12 writes a "

@@ -212,6 +212,17 @@ static void test_one_channel_round_trip(void **state)
     hw_bc4_decode(blocks, 8, 8, 1, out);
     for (uint32_t i = 0; i < 64; i++)
         assert_int_equal(out[i], image.data[i * 4 + 3]);
+    // Joined with colours: both as they were.
+    uint8_t colors[32], joined[64], rgb[256], rgba[256];
+    assert_int_equal(hw_bc3_bytes(8, 8), sizeof joined);
+    hw_bc1_encode(&image, colors);
+    hw_bc1_decode(colors, 8, 8, rgb);
+    hw_bc3_join(colors, blocks, sizeof joined, joined);
+    hw_bc3_decode(joined, 8, 8, rgba);
+    for (uint32_t i = 0; i < 64; i++) {
+        assert_memory_equal(rgba + i * 4, rgb + i * 4, 3);
+        assert_int_equal(rgba[i * 4 + 3], out[i]);
+    }
     hw_image_free(&image);
 }
 
