@@ -1,6 +1,7 @@
 #include "hud.h"
 #include "alloc.h"
 #include "gpu.h"
+#include "keys.h"
 #include "shaders.h"
 #include <stdio.h>
 #include <string.h>
@@ -13,6 +14,7 @@
 #define TEXT_MAX    1024u
 #define LINE_HEIGHT 12 // of the font, in its own pixels; glyphs are at most 9 high
 #define PADDING     4
+#define COLUMN_GAP  8
 #define ROWS_MAX    6u // of a text that is wrapped
 
 // As stb_easy_font writes them.
@@ -31,28 +33,6 @@ struct hw_hud {
     hud_vertex quads[QUADS_MAX * 4];
     char text[TEXT_MAX];
 };
-
-typedef struct help_row {
-    const char *keys, *meaning;
-} help_row;
-
-// What context_glfw.c binds.
-static const help_row help_rows[] = {
-    {"W A S D", "walk; also the arrows up and down"},
-    {"Left, Right", "turn"},
-    {"Mouse", "look around, after a click into the window"},
-    {"Shift", "run"},
-    {"Q, E", "down, up"},
-    {"1 2 3 4", "configuration A full geometry, B with culling,"},
-    {"", "L levels of detail, C the hybrid"},
-    {"Space", "stop the tour, or go on with it"},
-    {"R", "start or end recording a tour"},
-    {"F12", "save a screenshot"},
-    {"H", "hide or show the line of figures"},
-    {"F1", "hide or show this help"},
-    {"Escape", "release the mouse, then quit; also Ctrl-Q"},
-};
-#define HELP_ROWS (sizeof help_rows / sizeof *help_rows)
 
 // ---- The line
 
@@ -171,23 +151,52 @@ static void add_block(hw_hud *hud, const char *text, bool at_bottom, float scale
     }
 }
 
+// The widest key and meaning of the table, in the font's pixels.
+static void measure_help(float *keys_width, float *meaning_width)
+{
+    int keys = 0, meaning = 0;
+    for (size_t i = 0; i < hw_key_row_count; i++) {
+        char text[64];
+        hw_key_format(&hw_key_rows[i], text, sizeof text);
+        int w = stb_easy_font_width(text);
+        keys = w > keys ? w : keys;
+        snprintf(text, sizeof text, "%s", hw_key_rows[i].meaning);
+        w = stb_easy_font_width(text);
+        meaning = w > meaning ? w : meaning;
+    }
+    *keys_width = (float)keys;
+    *meaning_width = (float)meaning;
+}
+
+static void add_help_row(hw_hud *hud, const hw_key_row *row, float x, float y, float keys_width,
+                         float scale)
+{
+    snprintf(hud->text, sizeof hud->text, "%s", row->meaning);
+    add_text(hud, x + scale * (keys_width + COLUMN_GAP), y, scale, white);
+    hw_key_format(row, hud->text, sizeof hud->text);
+    add_text(hud, x, y, scale, amber);
+}
+
+// All keys in two columns, as large as there is room for; one column where the window is narrow.
 static void add_help(hw_hud *hud, uint32_t width, uint32_t height, float scale)
 {
-    const float columns[2] = {0, 80}, panel_width = 350;
-    float w = scale * (panel_width + 2 * PADDING);
-    float h = scale * (LINE_HEIGHT * HELP_ROWS + 2 * PADDING);
-    float x = floorf(((float)width - w) / 2), y = floorf(((float)height - h) / 2);
-    add_rectangle(hud, x, y, x + w, y + h, 200);
-    for (size_t row = 0; row < HELP_ROWS; row++) {
-        const char *cells[2] = {help_rows[row].keys, help_rows[row].meaning};
-        for (int k = 0; k < 2; k++) {
-            int measured;
-            fit_row(hud, cells[k], (int)(panel_width - columns[k]), &measured);
-            add_text(hud, x + scale * (PADDING + columns[k]),
-                     y + scale * (float)(PADDING + 1 + LINE_HEIGHT * row), scale,
-                     k == 0 ? amber : white);
-        }
+    float keys, meaning, w, h;
+    measure_help(&keys, &meaning);
+    float column = keys + meaning + 3 * COLUMN_GAP;
+    size_t columns = 2, rows;
+    for (;; scale > 1 ? scale-- : columns--) {
+        rows = (hw_key_row_count + columns - 1) / columns;
+        w = scale * ((float)columns * column - 2 * COLUMN_GAP + 2 * PADDING);
+        h = scale * (float)(LINE_HEIGHT * rows + 2 * PADDING);
+        if ((w <= (float)width && h <= (float)height) || (scale <= 1 && columns == 1))
+            break;
     }
+    float x = fmaxf(floorf(((float)width - w) / 2), 0);
+    float y = fmaxf(floorf(((float)height - h) / 2), 0);
+    add_rectangle(hud, x, y, x + w, y + h, 200);
+    for (size_t i = 0; i < hw_key_row_count; i++)
+        add_help_row(hud, &hw_key_rows[i], x + scale * (PADDING + column * (float)(i / rows)),
+                     y + scale * (float)(PADDING + 1 + LINE_HEIGHT * (i % rows)), keys, scale);
 }
 
 // ---- Drawing
