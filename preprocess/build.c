@@ -33,6 +33,7 @@ typedef struct build {
     hw_hexgrid grid;
     hw_cell_id *cells; // of all levels, as in the manifest
     uint32_t cell_count;
+    bool *wanted; // per cell; NULL: all are
     uint64_t scene_hash, key;
     int32_t *texture_of_material, texture_count;
     hw_progress *progress;
@@ -115,6 +116,33 @@ static hw_hexgrid make_grid(const build *b)
     return grid;
 }
 
+static bool is_wanted(const build *b, uint32_t cell)
+{
+    return !b->wanted || b->wanted[cell];
+}
+
+// Marks the cells that the tour's frames stand in, and the groups that hold them.
+static hw_status want_cells(build *b)
+{
+    const hw_tour *tour = b->options->along;
+    if (!tour)
+        return HW_OK;
+    if (b->options->shard_count > 1)
+        return hw_fail(HW_USAGE, "cells along a tour are not made in shards");
+    HW_TRY(HW_NEW(&b->wanted, b->cell_count));
+    uint32_t every = b->options->along_every ? b->options->along_every : 1;
+    for (uint64_t i = 0; i < tour->frame_count; i += every) {
+        hw_vec3 eye = tour->frames[i].eye;
+        hw_cell_id id = hw_hexgrid_locate(&b->grid, (double)eye.x, (double)eye.y);
+        for (; id.level < b->grid.levels; id = hw_cell_parent(id)) {
+            uint32_t cell = hw_hierarchy_find(b->cells, b->cell_count, id);
+            if (cell < b->cell_count)
+                b->wanted[cell] = true;
+        }
+    }
+    return HW_OK;
+}
+
 static hw_status load_scene(build *b)
 {
     double start = hw_clock_ms();
@@ -128,6 +156,7 @@ static hw_status load_scene(build *b)
     b->key = make_key(b);
     b->grid = make_grid(b);
     HW_TRY(hw_hierarchy_cells(&b->grid, &b->cells, &b->cell_count));
+    HW_TRY(want_cells(b));
     b->report->import_seconds = (hw_clock_ms() - start) / 1000;
     return HW_OK;
 }
@@ -357,7 +386,7 @@ static hw_status make_cell(void *context, uint64_t index, uint32_t thread)
     char *path = NULL;
     uint32_t place = b->cell_count - 1 - (uint32_t)index; // groups first: they take longest
     hw_cell_id id = b->cells[place];
-    if (!owns(b, place))
+    if (!owns(b, place) || !is_wanted(b, place))
         return HW_OK;
     HW_GO(hw_cell_path(&path, b->options->dataset, id));
     if (hw_cell_is_current(path, b->key)) {
@@ -414,7 +443,7 @@ static hw_status make_cells(build *b)
     double start = hw_clock_ms();
     uint32_t count = b->cell_count, mine = 0;
     for (uint32_t i = 0; i < count; i++)
-        mine += owns(b, i);
+        mine += owns(b, i) && is_wanted(b, i);
     b->report->cells_total = count;
     HW_GO(HW_NEW(&b->backwards, thread_count(b)));
     HW_GO(hw_progress_create(&b->progress, "cells", mine));
@@ -481,16 +510,24 @@ static bool count_near(build *b, bool is_mesh, uint32_t index)
     return good;
 }
 
-// Sums over all that is there, or over the shard's own.
+// Sums over all that is there, or over the shard's own. Cells that were not wanted count where an
+// earlier build left them.
 static void count_files(build *b, bool all, hw_manifest *m)
 {
     hw_build_report *r = b->report;
     uint32_t count = b->cell_count;
     r->bytes = r->mesh_bytes = r->texture_bytes = r->near_bytes = 0;
-    r->cells_missing = r->meshes_missing = m->cell_count = 0;
-    for (uint32_t i = 0; i < count; i++)
-        if ((all || owns(b, i)) && !count_cell(b, b->cells[i], &m->cells[m->cell_count++]))
+    r->cells_missing = r->meshes_missing = r->cells_left_out = m->cell_count = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        if (!all && !owns(b, i))
+            continue;
+        if (count_cell(b, b->cells[i], &m->cells[m->cell_count]))
+            m->cell_count++;
+        else if (is_wanted(b, i))
             r->cells_missing++;
+        else
+            r->cells_left_out++;
+    }
     for (uint32_t i = 0; i < b->scene.mesh_count; i++)
         if (all || owns(b, i))
             r->meshes_missing += !count_near(b, true, i);
@@ -602,6 +639,7 @@ static void release(build *b)
     hw_free(b->mesh_order);
     hw_free(b->order);
     hw_free(b->backwards);
+    hw_free(b->wanted);
     hw_free(b->texture_of_material);
     hw_free(b->cells);
     hw_scene_free(&b->scene);

@@ -2,6 +2,7 @@
 #pragma once
 #include "build_cell.h"
 #include "occlusion.h"
+#include "tour.h"
 #include <stdatomic.h>
 
 // Raise when the content of cells or meshes changes for the same input: it is part of every key.
@@ -21,6 +22,9 @@ typedef struct hw_build_options {
     uint32_t shard_index,
         shard_count;       // this run makes every shard_count-th cell and mesh; count 0 or 1 = all
     uint64_t memory_bytes; // bound of the resident memory; 0 = none
+    const hw_tour *along;  // only cells that frames of this tour stand in, and the groups that hold
+                           // them; NULL = all. Not together with shards
+    uint32_t along_every;  // every how manieth of its frames
     const atomic_bool *stop; // becomes true to stop soon with HW_INTERRUPTED; may be NULL
 } hw_build_options;
 
@@ -34,6 +38,7 @@ typedef struct hw_build_report {
     uint64_t scratch_bytes, tree_builds; // what a bound of memory costs
     uint32_t cells_total, cells_made, cells_kept;
     uint32_t cells_missing, meshes_missing; // left to other shards
+    uint32_t cells_left_out;                // not along the tour, and not there from before
     uint64_t bytes, mesh_bytes, texture_bytes, near_bytes;
     double far_records_mean, far_triangles_mean, near_records_mean; // per cell
 } hw_build_report;

@@ -7,9 +7,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const char *output, *json_file, *policy = "screen", *shard, *heights = "8:16",
+static const char *output, *json_file, *policy = "screen", *shard, *along, *heights = "8:16",
                                        *occlusion = "off";
-static uint64_t threads, memory, levels = 1, texture_side = 1024;
+static uint64_t threads, memory, levels = 1, texture_side = 1024, every = 1;
+static hw_tour tour; // of --along
 static double cell_size = 50, self_occlusion, edge_length = 4.5, near_error = 0.3,
               outline_error = 0.09, interior_error = 5;
 static atomic_bool stop;
@@ -48,6 +49,11 @@ static uint32_t options(hw_option *out, uint32_t capacity)
         {"shard", 0, HW_OPTION_STRING, &shard, "K/N", NULL, 0, 0,
          "make only every N-th cell and near mesh, beginning with the K-th (K from 1); 'hexwalk "
          "merge' joins shards that were made in different folders"},
+        {"along", 0, HW_OPTION_STRING, &along, "TOUR.json", NULL, 0, 0,
+         "make only the cells that the tour passes: to try options out. The same command without "
+         "it makes the rest"},
+        {"every", 0, HW_OPTION_UINT, &every, "N", NULL, 1, UINT32_MAX,
+         "of --along: only the cells that every N-th frame stands in"},
         {"memory", 0, HW_OPTION_BYTES, &memory, "BYTES", NULL, 0, 0,
          "bound of the memory used, such as 500M or 2G: what does not fit waits in a scratch file "
          "in the dataset's folder; 0 means none"},
@@ -102,6 +108,12 @@ static hw_status read_options(const char *scene, hw_build_options *o)
         o->far.self_occlusion_px = self_occlusion;
     else if (o->far.policy == &hw_policy_thesis)
         o->far.self_occlusion_px = 5;
+    if (along && shard)
+        return hw_fail(HW_USAGE, "--along and --shard do not go together");
+    if (along)
+        HW_TRY(hw_tour_read(along, &tour));
+    o->along = along ? &tour : NULL;
+    o->along_every = (uint32_t)every;
     o->stop = &stop;
     return HW_OK;
 }
@@ -137,6 +149,9 @@ static void print_report(const hw_build_report *r)
     if (r->scratch_bytes > 0)
         printf("           %.0f MB in a scratch file, ray trees built %llu times\n",
                (double)r->scratch_bytes / 1e6, (unsigned long long)r->tree_builds);
+    if (r->cells_left_out > 0)
+        printf("partial    %u cells are left out: the same command without --along makes them\n",
+               r->cells_left_out);
     if (r->cells_missing + r->meshes_missing > 0)
         printf("unfinished %u cells and %u meshes are left to other shards: make them in this "
                "folder too, or join them by 'hexwalk merge'\n",
@@ -166,6 +181,7 @@ static hw_status write_json(const hw_build_report *r, const cJSON *used)
         {"cells_kept", r->cells_kept},
         {"cells_missing", r->cells_missing},
         {"meshes_missing", r->meshes_missing},
+        {"cells_left_out", r->cells_left_out},
         {"scratch_bytes", (double)r->scratch_bytes},
         {"tree_builds", (double)r->tree_builds},
         {"bytes", (double)r->bytes},
@@ -195,6 +211,7 @@ static hw_status run(int argc, const char *const *argv)
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGTERM, &action, NULL);
     hw_status status = hw_build_run(&o, &report);
+    hw_tour_free(&tour);
     if (status == HW_INTERRUPTED)
         return hw_fail(HW_INTERRUPTED, "%s: interrupted; the same command goes on where it stopped",
                        output);

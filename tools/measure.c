@@ -353,14 +353,26 @@ out:
 
 // ---- Pops
 
-// Whether the tour changes cells between frame i and i + 1.
+// Whether the dataset has the cell; it may have been built along another tour.
+static bool has_cell(const hw_manifest *manifest, hw_cell_id id)
+{
+    for (uint32_t i = 0; i < manifest->cell_count; i++) {
+        hw_cell_id own = manifest->cells[i].id;
+        if (own.level == id.level && own.q == id.q && own.r == id.r)
+            return true;
+    }
+    return false;
+}
+
+// Whether the tour changes cells between frame i and i + 1, and both are there.
 static bool crosses(const measurer *m, uint32_t i)
 {
     const hw_hexgrid *grid = &m->desc->manifest->grid;
     hw_vec3 a = m->desc->tour->frames[i].eye, b = m->desc->tour->frames[i + 1].eye;
     hw_cell_id from = hw_hexgrid_locate(grid, (double)a.x, (double)a.y);
     hw_cell_id to = hw_hexgrid_locate(grid, (double)b.x, (double)b.y);
-    return from.q != to.q || from.r != to.r;
+    return (from.q != to.q || from.r != to.r) && has_cell(m->desc->manifest, from) &&
+           has_cell(m->desc->manifest, to);
 }
 
 static hw_status find_crossings(measurer *m, uint32_t **frames)

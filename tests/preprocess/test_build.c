@@ -215,6 +215,48 @@ static void other_options_make_everything_anew(void **state)
     assert_int_equal(report.cells_made, report.cells_total);
 }
 
+// Only the cells that a tour's frames stand in, then the rest; a cell made before stays listed.
+static void cells_along_a_tour_come_first(void **state)
+{
+    (void)state;
+    hw_tour_frame frames[3] = {{.eye = hw_v3(0, 0, 4), .forward = hw_v3(1, 0, 0)},
+                               {.eye = hw_v3(1, 0, 4), .forward = hw_v3(1, 0, 0)},
+                               {.eye = hw_v3(300, 0, 4), .forward = hw_v3(1, 0, 0)}};
+    hw_tour tour = {.fov_degrees = 60, .frames = frames, .frame_count = 3};
+    hw_build_report report;
+    remove_tree("build_h");
+    hw_build_options o = options_for("build_h");
+    o.levels = 2;
+    hw_build_options whole = o;
+    o.along = &tour;
+    o.along_every = 2; // the first and the last
+    build(&o, &report);
+    hw_manifest manifest;
+    assert_int_equal(hw_manifest_read("build_h", &manifest), HW_OK);
+    uint32_t fine = 0, made = report.cells_made;
+    for (uint32_t i = 0; i < manifest.cell_count; i++)
+        fine += manifest.cells[i].id.level == 0;
+    assert_int_equal(fine, 2);
+    assert_int_equal(manifest.cell_count, made);
+    assert_int_equal(made + report.cells_left_out, report.cells_total);
+    hw_manifest_free(&manifest);
+    tour.frame_count = 1;
+    build(&o, &report); // its cell is there
+    assert_int_equal(report.cells_made, 0);
+    assert_int_equal(hw_manifest_read("build_h", &manifest), HW_OK);
+    assert_int_equal(manifest.cell_count, made);
+    hw_manifest_free(&manifest);
+    build(&whole, &report);
+    assert_int_equal(report.cells_kept, made);
+    assert_int_equal(report.cells_left_out, 0);
+    remove_tree("build_i");
+    whole.dataset = "build_i";
+    build(&whole, &report);
+    assert_same_datasets("build_h", "build_i");
+    o.shard_count = 2;
+    assert_int_equal(hw_build_run(&o, &report), HW_USAGE);
+}
+
 static void thesis_policy_builds(void **state)
 {
     (void)state;
@@ -288,6 +330,7 @@ int main(void)
         cmocka_unit_test(threads_and_shards_change_no_byte),
         cmocka_unit_test(unfinished_build_goes_on),
         cmocka_unit_test(other_options_make_everything_anew),
+        cmocka_unit_test(cells_along_a_tour_come_first),
         cmocka_unit_test(thesis_policy_builds),
         cmocka_unit_test(stop_is_heeded),
         cmocka_unit_test(bad_input_is_named),
