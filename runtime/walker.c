@@ -413,7 +413,8 @@ static void step_level(hw_walker *w, double dx, double dy)
         w->y += away[1] * (depth + PUSH_MARGIN);
         keep_inside(w);
     }
-    double moved = hypot(w->x - x, w->y - y), allowed = hypot(dx, dy) + before + PUSH_MARGIN;
+    // Round a pillar the way gets a little longer; what jumps has been squeezed out somewhere.
+    double moved = hypot(w->x - x, w->y - y), allowed = 1.25 * hypot(dx, dy) + before;
     if ((depth > 0 && touch(w, NULL) > 0) || moved > allowed) {
         w->x = before > 0 ? x + dx : x;
         w->y = before > 0 ? y + dy : y;

@@ -44,6 +44,8 @@ static uint64_t count_entries(const hw_box_grid *g, const hw_box *boxes, uint32_
 
 static void choose_squares(hw_box_grid *g, hw_box bounds, double squares)
 {
+    if (hw_box_is_empty(bounds))
+        bounds = (hw_box){0};
     double width = (double)bounds.max.x - bounds.min.x + 2 * g->reach;
     double depth = (double)bounds.max.y - bounds.min.y + 2 * g->reach;
     g->origin_x = bounds.min.x - g->reach;
