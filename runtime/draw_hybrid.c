@@ -59,6 +59,7 @@ typedef struct hybrid {
     GLint far_first_record;
     hw_gpu_buffer far_uniforms;
     hw_gpu_pace pace;
+    hw_debug_view debug;
     // Scratch for the near objects and far records of a frame's cells; capacities in items.
     size_t near_capacity, far_capacity;
     uint32_t *visible;
@@ -436,12 +437,14 @@ static hw_status begin_frame(hybrid *h, const hw_camera *camera, hw_frame_stats 
                              frame_view *view)
 {
     double start = hw_clock_ms();
+    const hw_camera *culling = hw_debug_culling_camera(&h->debug, camera);
+    hw_mat4 culling_matrix = hw_camera_view_projection(culling);
     h->frame++;
     view->matrix = hw_camera_view_projection(camera);
-    view->frustum = hw_frustum_make(&view->matrix);
-    hw_status status = find_cells(h, camera, stats, view->cells);
+    view->frustum = hw_frustum_make(&culling_matrix);
+    hw_status status = find_cells(h, culling, stats, view->cells);
     if (status == HW_OK)
-        status = choose_near(h, view->cells[0], camera, &view->frustum, stats, &view->near_count);
+        status = choose_near(h, view->cells[0], culling, &view->frustum, stats, &view->near_count);
     if (stats->stalls)
         stats->load_ms = hw_clock_ms() - start;
     return status;
@@ -461,14 +464,23 @@ static hw_status hybrid_draw(void *state, const hw_camera *camera, hw_frame_stat
     hw_ground_gl_begin();
     hw_ground_gl_draw(&h->ground, &view.matrix, stats);
     hw_gpu_pace_flush(&h->pace);
+    hw_debug_tint(&h->debug, HW_REPRESENTATION_NEAR);
     draw_near(h, view.near_count, &view.matrix, stats);
+    hw_debug_tint(&h->debug, HW_REPRESENTATION_SVMESH);
     draw_far(h, view.cells, &view.matrix, &view.frustum, stats);
     glBindVertexArray(0);
     stats->triangles += stats->near_triangles + stats->far_triangles;
     return HW_OK;
 }
 
+static void hybrid_set_debug_view(void *state, const hw_debug_view *view)
+{
+    hybrid *h = state;
+    h->debug = *view;
+}
+
 const hw_renderer_backend hw_draw_hybrid = {.create = hybrid_create,
                                             .destroy = hybrid_destroy,
                                             .prepare = hybrid_prepare,
-                                            .draw = hybrid_draw};
+                                            .draw = hybrid_draw,
+                                            .set_debug_view = hybrid_set_debug_view};

@@ -3,6 +3,7 @@
 // objects; the context must be current and outlive it.
 #pragma once
 #include "camera.h"
+#include "debug_view.h"
 #include "scene.h"
 #include "status.h"
 
@@ -36,6 +37,8 @@ HW_MUST_USE hw_status hw_renderer_prepare(hw_renderer *renderer, const hw_camera
 // alpha 0.
 HW_MUST_USE hw_status hw_renderer_draw(hw_renderer *renderer, const hw_camera *camera,
                                        hw_frame_stats *stats);
+// How the following frames are drawn; a zeroed view, as at first, is the plain picture.
+void hw_renderer_set_debug_view(hw_renderer *renderer, const hw_debug_view *view);
 // Bytes of GL buffers and textures this renderer holds, now and at its peak.
 uint64_t hw_renderer_gpu_bytes(const hw_renderer *renderer);
 uint64_t hw_renderer_gpu_bytes_peak(const hw_renderer *renderer);
