@@ -397,6 +397,11 @@ static double touch(const hw_walker *w, double away[2])
     return hw_obstacles_touch(w->obstacles, &body, away);
 }
 
+double hw_walker_overlap(const hw_walker *walker)
+{
+    return walker->obstacles ? touch(walker, NULL) : 0;
+}
+
 // One short level step, pushed out of what it runs into: so it slides. Where there is no way out
 // the walker stays where it was, unless it was inside of something already.
 static void step_level(hw_walker *w, double dx, double dy)

@@ -75,3 +75,5 @@ HW_MUST_USE hw_status hw_walker_update(hw_walker *walker, const hw_input *input,
 // The present view as a tour frame (t = 0), and as a camera.
 hw_tour_frame hw_walker_view(const hw_walker *walker);
 hw_camera hw_walker_camera(const hw_walker *walker, uint32_t width, uint32_t height);
+// How deep the visitor is inside of an obstacle (hw_obstacles_touch): 0 is clear, also without any.
+double hw_walker_overlap(const hw_walker *walker);
