@@ -57,6 +57,8 @@ static const struct {
     {"Page Down", {GLFW_KEY_PAGE_DOWN}},
     {"Space", {GLFW_KEY_SPACE}},
     {"Escape", {GLFW_KEY_ESCAPE}},
+    {"Comma", {GLFW_KEY_COMMA}},
+    {"Period", {GLFW_KEY_PERIOD}},
     {"Shift", {GLFW_KEY_LEFT_SHIFT, GLFW_KEY_RIGHT_SHIFT}},
 };
 

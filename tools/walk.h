@@ -114,10 +114,6 @@ HW_MUST_USE hw_status walk_screenshot(walk *w, const hw_camera *camera, char *na
                                       size_t capacity);
 HW_MUST_USE hw_status walk_start_recording(walk *w);
 HW_MUST_USE hw_status walk_write_recording(walk *w);
-// A camera as one line of JSON, cut to capacity - 1 bytes, and back. HW_FORMAT tells what is wrong
-// with the text.
-void walk_format_camera(const hw_walker *walker, char *out, size_t capacity);
-HW_MUST_USE hw_status walk_parse_camera(const char *text, hw_tour_frame *view, double *fov_degrees);
 void walk_copy_camera(walk *w);
 HW_MUST_USE hw_status walk_paste_camera(walk *w);
 

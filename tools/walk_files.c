@@ -1,15 +1,9 @@
-#include "alloc.h"
+#include "camera_text.h"
 #include "file.h"
 #include "image_io.h"
-#include "json.h"
 #include "target.h"
 #include "walk.h"
-#include <math.h>
 #include <string.h>
-
-#define CAMERA_TEXT_MAX 4096
-#define FOV_MIN         1.0
-#define FOV_MAX         170.0
 
 // ---- Files made on the way
 
@@ -79,74 +73,25 @@ hw_status walk_start_recording(walk *w)
 
 // ---- The clipboard
 
-void walk_format_camera(const hw_walker *walker, char *out, size_t capacity)
-{
-    hw_tour_frame v = hw_walker_view(walker);
-    // Nine digits bring the same floats back.
-    snprintf(out, capacity,
-             "{\"eye\":[%.9g,%.9g,%.9g],\"forward\":[%.9g,%.9g,%.9g],\"fov_degrees\":%.9g}",
-             (double)v.eye.x, (double)v.eye.y, (double)v.eye.z, (double)v.forward.x,
-             (double)v.forward.y, (double)v.forward.z, walker->fov_degrees);
-}
-
-static hw_status check_camera(const double eye[3], const double forward[3], double fov_degrees)
-{
-    for (int i = 0; i < 3; i++)
-        if (fabs(eye[i]) > (double)HW_COORDINATE_MAX ||
-            fabs(forward[i]) > (double)HW_COORDINATE_MAX)
-            return hw_fail(HW_FORMAT, "clipboard: a coordinate is out of range");
-    double length =
-        sqrt(forward[0] * forward[0] + forward[1] * forward[1] + forward[2] * forward[2]);
-    if (!(length > 1e-6))
-        return hw_fail(HW_FORMAT, "clipboard: forward has no direction");
-    if (!(fov_degrees >= FOV_MIN && fov_degrees <= FOV_MAX))
-        return hw_fail(HW_FORMAT, "clipboard: fov_degrees is not within %g to %g", FOV_MIN,
-                       FOV_MAX);
-    return HW_OK;
-}
-
-hw_status walk_parse_camera(const char *text, hw_tour_frame *view, double *fov_degrees)
-{
-    hw_status status = HW_OK;
-    cJSON *json = NULL;
-    double eye[3], forward[3];
-    size_t length = strnlen(text, CAMERA_TEXT_MAX + 1);
-    if (length > CAMERA_TEXT_MAX)
-        return hw_fail(HW_FORMAT, "clipboard: too long for a camera");
-    HW_GO(hw_json_parse("clipboard", text, length, &json));
-    HW_GO(hw_json_numbers("clipboard", json, "eye", eye, 3));
-    HW_GO(hw_json_numbers("clipboard", json, "forward", forward, 3));
-    HW_GO(hw_json_number("clipboard", json, "fov_degrees", fov_degrees));
-    HW_GO(check_camera(eye, forward, *fov_degrees));
-    *view =
-        (hw_tour_frame){.eye = hw_v3((float)eye[0], (float)eye[1], (float)eye[2]),
-                        .forward = hw_v3((float)forward[0], (float)forward[1], (float)forward[2]),
-                        .up = hw_v3(0, 0, 1)};
-out:
-    cJSON_Delete(json);
-    return status;
-}
-
 void walk_copy_camera(walk *w)
 {
     char text[256];
-    walk_format_camera(&w->walker, text, sizeof text);
+    hw_camera camera = hw_walker_camera(&w->walker, 1, 1);
+    hw_camera_format(&camera, text, sizeof text);
     hw_context_set_clipboard(w->context, text);
     walk_say(w, WALK_MESSAGE_MS, "Copied %s", text);
 }
 
 hw_status walk_paste_camera(walk *w)
 {
-    hw_tour_frame view;
-    double fov_degrees;
+    hw_camera camera;
     const char *text = hw_context_clipboard(w->context);
     if (!text)
         return hw_fail(HW_NOT_FOUND, "the clipboard holds no text");
-    HW_TRY(walk_parse_camera(text, &view, &fov_degrees));
-    hw_walker_place(&w->walker, view.eye, view.forward);
-    w->walker.fov_degrees = fov_degrees;
-    hw_vec3 eye = hw_walker_view(&w->walker).eye;
-    bool moved = hw_v3_length(hw_v3_sub(eye, view.eye)) > 1e-3f;
+    HW_TRY(hw_camera_parse("clipboard", text, &camera));
+    hw_walker_place(&w->walker, camera.eye, camera.forward);
+    w->walker.fov_degrees = camera.fov_degrees;
+    bool moved = hw_v3_length(hw_v3_sub(hw_walker_view(&w->walker).eye, camera.eye)) > 1e-3f;
     walk_say(w, WALK_MESSAGE_MS, moved ? "Pasted, moved to where there are cells" : "Pasted");
     return HW_OK;
 }
