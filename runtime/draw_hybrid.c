@@ -4,15 +4,17 @@
 #include "cell_gpu.h"
 #include "ground.h"
 #include "hierarchy.h"
-#include "near_meshes.h"
+#include "prefetch.h"
 #include "renderer_internal.h"
 #include "shaders.h"
+#include "store.h"
 #include "system.h"
 #include <string.h>
+#include <time.h>
 
-#define CELLS_MAX         12u
-#define CELL_BYTES_BUDGET (UINT64_C(24) << 20) // of GPU memory, but the current cell always stays
-#define NEAR_BYTES_BUDGET (UINT64_C(96) << 20)
+#define SCRATCH_RECORDS_MAX 65536u // far records that there is room for from the start, at most
+#define FIRST_WAIT_S        0.002  // between looks, while there is nothing to draw
+#define FIRST_SIMULATED_S   0.02
 
 #define RANGE_INDICES 30000u // of one draw call, whole triangles
 
@@ -30,7 +32,6 @@ _Static_assert(sizeof(far_uniform) == 80, "a far record's uniforms are 80 bytes"
 // What the frame needs of a near object beside its mesh; per object of the manifest.
 typedef struct near_object {
     float normal[9]; // world <- mesh, for normals; column-major
-    float stretch;
     bool mirrored;
 } near_object;
 
@@ -50,9 +51,11 @@ typedef struct hybrid {
     char *dataset;
     hw_manifest manifest;
     near_object *objects;
-    hw_near_meshes *meshes;
-    hw_cell_gpu cells[CELLS_MAX];
-    uint64_t frame; // counts prepares and draws
+    float *stretch; // of each object
+    hw_store *store;
+    hw_prefetch *prefetch;    // NULL: frames wait for what they lack
+    bool simulated, drawable; // drawable: a cell was ready once
+    double simulated_s;
     hw_ground_gl ground;
     near_program near_plain, near_textured;
     GLuint far_program;
@@ -73,9 +76,8 @@ typedef struct hybrid {
 static void hybrid_destroy(void *state)
 {
     hybrid *h = state;
-    for (uint32_t i = 0; i < CELLS_MAX; i++)
-        hw_cell_gpu_free(h->account, &h->cells[i]);
-    hw_near_meshes_destroy(h->meshes);
+    hw_prefetch_destroy(h->prefetch);
+    hw_store_destroy(h->store);
     hw_ground_gl_destroy(h->account, &h->ground);
     hw_gpu_buffer_destroy(h->account, &h->far_uniforms);
     const GLuint programs[] = {h->near_plain.name, h->near_textured.name, h->far_program};
@@ -89,6 +91,7 @@ static void hybrid_destroy(void *state)
     hw_free(h->near);
     hw_free(h->far);
     hw_free(h->objects);
+    hw_free(h->stretch);
     hw_manifest_free(&h->manifest);
     hw_free(h->dataset);
     hw_free(h);
@@ -119,50 +122,19 @@ static void make_near_object(const hw_manifest_object *object, near_object *out)
     (void)hw_mat4_inverse(object->transform, &inverse); // identity if singular: a flat object
     for (int k = 0; k < 9; k++)
         out->normal[k] = (float)inverse.m[k % 3 * 4 + k / 3];
-    out->stretch = (float)hw_mat4_stretch(&object->transform);
     out->mirrored = hw_mat4_mirrors(&object->transform);
 }
-
-static hw_status hybrid_create(const hw_renderer_desc *desc, hw_gpu_account *account, void **state)
-{
-    hw_status status = HW_OK;
-    hybrid *h = NULL;
-    HW_TRY(HW_NEW(&h, 1));
-    h->account = account;
-    HW_GO(hw_strdup(&h->dataset, desc->dataset));
-    HW_GO(hw_manifest_read(h->dataset, &h->manifest));
-    HW_GO(HW_NEW(&h->objects, h->manifest.object_count));
-    hw_box bounds = hw_box_empty();
-    for (uint32_t i = 0; i < h->manifest.object_count; i++) {
-        make_near_object(&h->manifest.objects[i], &h->objects[i]);
-        bounds = hw_box_union(bounds, h->manifest.objects[i].bounds);
-    }
-    HW_GO(hw_near_meshes_create(account, h->dataset, &h->manifest, NEAR_BYTES_BUDGET, &h->meshes));
-    HW_GO(hw_ground_gl_create(account, &h->manifest.ground, bounds, &h->ground));
-    HW_GO(make_near_program(NULL, &h->near_plain));
-    HW_GO(make_near_program("#define TEXTURED\n", &h->near_textured));
-    HW_GO(make_far_program(h));
-    *state = h;
-    h = NULL;
-out:
-    if (h)
-        hybrid_destroy(h);
-    return status;
-}
-
-// ---- loading ---------------------------------------------------------------------------------
 
 static size_t page_count(size_t records)
 {
     return (records + HW_FAR_PAGE_RECORDS - 1) / HW_FAR_PAGE_RECORDS;
 }
 
-// Scratch that suffices for the cells of a frame, one of each level.
-static hw_status reserve_scratch(hybrid *h, hw_cell_gpu *const *cells)
+// Scratch for so many near objects and far records. Cells have about as many as the first that
+// come: from then on nothing is allocated.
+static hw_status reserve_scratch(hybrid *h, size_t near, size_t far)
 {
-    size_t near = cells[0]->near_count, far = 0;
-    for (int32_t l = 0; l < h->manifest.grid.levels; l++)
-        far += page_count(cells[l]->far_count) * HW_FAR_PAGE_RECORDS;
+    far = page_count(far) * HW_FAR_PAGE_RECORDS;
     if (near <= h->near_capacity && far <= h->far_capacity)
         return HW_OK;
     if (near > h->near_capacity) {
@@ -184,60 +156,177 @@ static hw_status reserve_scratch(hybrid *h, hw_cell_gpu *const *cells)
     return HW_OK;
 }
 
-// A slot for one more cell: empty ones first, else the cells drawn longest ago go until count and
-// bytes are within their limits. Those of this frame stay.
-static hw_cell_gpu *make_room(hybrid *h)
+static hw_status make_loading(hybrid *h, const hw_streaming *streaming)
 {
-    while (true) {
-        hw_cell_gpu *empty = NULL, *oldest = NULL;
-        uint64_t bytes = 0;
-        for (uint32_t i = 0; i < CELLS_MAX; i++) {
-            hw_cell_gpu *cell = &h->cells[i];
-            bytes += cell->gpu_bytes;
-            if (!cell->loaded)
-                empty = cell;
-            else if (cell->used < h->frame && (!oldest || cell->used < oldest->used))
-                oldest = cell;
-        }
-        if (empty && (bytes <= CELL_BYTES_BUDGET || !oldest))
-            return empty;
-        hw_cell_gpu_free(h->account, oldest);
-    }
+    hw_loading loading = streaming->loading;
+    h->simulated = loading == HW_LOADING_SIMULATED || loading == HW_LOADING_SIMULATED_WAITS;
+    const hw_store_desc desc = {.location = h->dataset,
+                                .manifest = &h->manifest,
+                                .account = h->account,
+                                .mode = h->simulated                  ? HW_LOADER_SIMULATED
+                                        : loading == HW_LOADING_AHEAD ? HW_LOADER_THREAD
+                                                                      : HW_LOADER_WAITS,
+                                .gpu_budget = streaming->gpu_budget,
+                                .ram_budget = streaming->ram_budget,
+                                .frame_bytes = streaming->frame_bytes,
+                                .bytes_per_second = streaming->bytes_per_second};
+    HW_TRY(hw_store_create(&desc, &h->store));
+    if (loading == HW_LOADING_AHEAD || loading == HW_LOADING_SIMULATED)
+        HW_TRY(hw_prefetch_create(h->store, &h->manifest, h->stretch, &h->prefetch));
+    // Of most datasets' cells none has more records than there are objects.
+    size_t records = h->manifest.object_count;
+    records = records < SCRATCH_RECORDS_MAX ? records : SCRATCH_RECORDS_MAX;
+    return reserve_scratch(h, records,
+                           records + (size_t)h->manifest.grid.levels * HW_FAR_PAGE_RECORDS);
 }
 
-// Everything the cell needs before frames can be drawn in it, but the levels of its near meshes.
-static hw_status load_cell(hybrid *h, hw_cell_id id, hw_frame_stats *stats, hw_cell_gpu **out)
+static hw_status hybrid_create(const hw_renderer_desc *desc, hw_gpu_account *account, void **state)
 {
-    hw_cell_gpu *cell = make_room(h);
-    stats->stalls = 1;
-    HW_TRY(hw_cell_gpu_load(h->account, h->dataset, &h->manifest, id, cell));
-    stats->loaded_bytes += cell->file_bytes;
     hw_status status = HW_OK;
-    for (uint32_t i = 0; status == HW_OK && i < cell->near_count; i++) {
-        const hw_manifest_object *object = &h->manifest.objects[cell->near[i].object_idx];
-        status = hw_near_meshes_open(h->meshes, object->mesh_idx, object->texture_idx, stats);
+    hybrid *h = NULL;
+    HW_TRY(HW_NEW(&h, 1));
+    h->account = account;
+    HW_GO(hw_strdup(&h->dataset, desc->dataset));
+    HW_GO(hw_manifest_open(h->dataset, &h->manifest));
+    HW_GO(HW_NEW(&h->objects, h->manifest.object_count));
+    HW_GO(HW_NEW(&h->stretch, h->manifest.object_count));
+    hw_box bounds = hw_box_empty();
+    for (uint32_t i = 0; i < h->manifest.object_count; i++) {
+        make_near_object(&h->manifest.objects[i], &h->objects[i]);
+        h->stretch[i] = (float)hw_mat4_stretch(&h->manifest.objects[i].transform);
+        bounds = hw_box_union(bounds, h->manifest.objects[i].bounds);
     }
-    if (status != HW_OK)
-        hw_cell_gpu_free(h->account, cell);
-    *out = cell;
+    HW_GO(make_loading(h, &desc->streaming));
+    HW_GO(hw_ground_gl_create(account, &h->manifest.ground, bounds, &h->ground));
+    HW_GO(make_near_program(NULL, &h->near_plain));
+    HW_GO(make_near_program("#define TEXTURED\n", &h->near_textured));
+    HW_GO(make_far_program(h));
+    *state = h;
+    h = NULL;
+out:
+    if (h)
+        hybrid_destroy(h);
     return status;
 }
 
-static hw_status find_cell(hybrid *h, hw_cell_id id, hw_frame_stats *stats, hw_cell_gpu **out)
+// ---- loading ---------------------------------------------------------------------------------
+
+static hw_data_key cell_key(uint32_t index)
 {
-    *out = NULL;
-    for (uint32_t i = 0; i < CELLS_MAX && !*out; i++) {
-        hw_cell_gpu *cell = &h->cells[i];
-        if (cell->loaded && cell->id.level == id.level && cell->id.q == id.q && cell->id.r == id.r)
-            *out = cell;
+    return (hw_data_key){HW_DATA_CELL, index, 0};
+}
+
+static void use_cells(hybrid *h, hw_cell_gpu *const *cells)
+{
+    for (int32_t l = 0; l < h->manifest.grid.levels; l++)
+        hw_store_use_cell(h->store, cells[l]);
+}
+
+// Everything the cell needs before frames can be drawn in it, but the levels of its near meshes.
+static hw_status need_cell(hybrid *h, hw_cell_id id, hw_cell_gpu **out)
+{
+    uint32_t index;
+    if (!hw_store_find_cell(h->store, id, &index))
+        return hw_fail(HW_FORMAT, "%s: has no cell %d/%d_%d", h->dataset, id.level, id.q, id.r);
+    HW_TRY(hw_store_need(h->store, cell_key(index)));
+    const hw_cell_records *records = hw_store_records(h->store, index);
+    for (uint32_t i = 0; i < records->near_count; i++) {
+        const hw_manifest_object *object = &h->manifest.objects[records->near[i].object_idx];
+        hw_data_key mesh = {HW_DATA_MESH, object->mesh_idx, 0};
+        hw_data_key texture = {HW_DATA_TEXTURE, (uint32_t)object->texture_idx, 0};
+        HW_TRY(hw_store_need(h->store, mesh));
+        if (object->texture_idx >= 0)
+            HW_TRY(hw_store_need(h->store, texture));
     }
-    if (!*out)
-        HW_TRY(load_cell(h, id, stats, out));
-    (*out)->used = h->frame;
+    *out = hw_store_cell(h->store, index);
     return HW_OK;
 }
 
-// The viewer's cell of each level.
+// The cell and the groups that hold it, one of each level, if all can be drawn as they are.
+static bool is_chain_ready(hybrid *h, hw_cell_id id, hw_cell_gpu *out[HW_CELL_LEVELS_MAX])
+{
+    uint32_t index;
+    for (int32_t l = 0; l < h->manifest.grid.levels; l++, id = hw_cell_parent(id)) {
+        out[l] = hw_store_find_cell(h->store, id, &index) ? hw_store_cell(h->store, index) : NULL;
+        if (!out[l] || !hw_store_has_near(h->store, out[l]->records))
+            return false;
+    }
+    return true;
+}
+
+// The chain of the closest cell that is ready. Chains are not mixed: an object that is missing in
+// the cell of one is in those of its other levels.
+static bool find_closest_chain(hybrid *h, hw_vec3 eye, hw_cell_gpu *out[HW_CELL_LEVELS_MAX])
+{
+    hw_cell_gpu *chain[HW_CELL_LEVELS_MAX];
+    float least = INFINITY;
+    for (uint32_t i = 0; i < HW_STORE_CELLS_MAX; i++) {
+        const hw_cell_gpu *cell = hw_store_ready_cell(h->store, i);
+        if (!cell || cell->id.level != 0)
+            continue;
+        hw_vec3 away = hw_v3_sub(hw_cell_centre(&h->manifest.grid, cell->id), eye);
+        float distance = hypotf(away.x, away.y);
+        if (distance >= least || !is_chain_ready(h, cell->id, chain))
+            continue;
+        least = distance;
+        memcpy(out, chain, sizeof chain);
+    }
+    return least < INFINITY;
+}
+
+// What the chain's first frame waits for has failed to load.
+static bool has_failed(hybrid *h, hw_cell_id id)
+{
+    uint32_t index;
+    bool failed = false;
+    for (int32_t l = 0; l < h->manifest.grid.levels; l++, id = hw_cell_parent(id)) {
+        if (!hw_store_find_cell(h->store, id, &index))
+            return true;
+        const hw_cell_records *records = hw_store_records(h->store, index);
+        failed = failed || hw_store_failed(h->store, cell_key(index));
+        for (uint32_t i = 0; records && i < records->near_count; i++) {
+            const hw_manifest_object *object = &h->manifest.objects[records->near[i].object_idx];
+            hw_data_key mesh = {HW_DATA_MESH, object->mesh_idx, 0};
+            hw_data_key texture = {HW_DATA_TEXTURE, (uint32_t)object->texture_idx, 0};
+            failed = failed || hw_store_failed(h->store, mesh) ||
+                     (object->texture_idx >= 0 && hw_store_failed(h->store, texture));
+        }
+    }
+    return failed;
+}
+
+static double now_s(const hybrid *h)
+{
+    return h->simulated ? h->simulated_s : hw_clock_ms() / 1000;
+}
+
+static void begin_loading(hybrid *h, const hw_camera *camera)
+{
+    hw_store_begin_frame(h->store, now_s(h), !h->drawable);
+    if (h->prefetch)
+        hw_prefetch_update(h->prefetch, camera, now_s(h));
+}
+
+// Only until there has once been something to draw.
+static hw_status wait_for_chain(hybrid *h, const hw_camera *camera, hw_cell_id id,
+                                hw_cell_gpu *out[HW_CELL_LEVELS_MAX])
+{
+    const struct timespec pause = {0, (long)(FIRST_WAIT_S * 1e9)};
+    while (!is_chain_ready(h, id, out)) {
+        if (has_failed(h, id))
+            return hw_fail(HW_IO, "%s", hw_store_get_stats(h->store).problem);
+        if (h->simulated) {
+            h->simulated_s += FIRST_SIMULATED_S;
+            hw_store_simulate(h->store, h->simulated_s);
+        } else {
+            nanosleep(&pause, NULL);
+        }
+        begin_loading(h, camera);
+    }
+    return HW_OK;
+}
+
+// The viewer's cell of each level; with prefetching, the best there is.
 static hw_status find_cells(hybrid *h, const hw_camera *camera, hw_frame_stats *stats,
                             hw_cell_gpu *out[HW_CELL_LEVELS_MAX])
 {
@@ -245,29 +334,50 @@ static hw_status find_cells(hybrid *h, const hw_camera *camera, hw_frame_stats *
     stats->cell_q = id.q;
     stats->cell_r = id.r;
     stats->cell_level = id.level;
-    for (int32_t l = 0; l < h->manifest.grid.levels; l++) {
-        HW_TRY(find_cell(h, id, stats, &out[l]));
-        id = hw_cell_parent(id);
+    if (!h->prefetch) {
+        for (int32_t l = 0; l < h->manifest.grid.levels; l++, id = hw_cell_parent(id))
+            HW_TRY(need_cell(h, id, &out[l]));
+    } else if (!is_chain_ready(h, id, out)) {
+        if (!h->drawable)
+            HW_TRY(wait_for_chain(h, camera, id, out));
+        else if (find_closest_chain(h, camera->eye, out))
+            stats->stream.late_cells = (uint32_t)h->manifest.grid.levels;
+        else
+            return hw_fail(HW_INTERNAL, "%s: no cell is left to draw", h->dataset);
     }
-    return reserve_scratch(h, out);
+    h->drawable = true;
+    use_cells(h, out);
+    size_t near = out[0]->records->near_count, far = 0;
+    for (int32_t l = 0; l < h->manifest.grid.levels; l++) {
+        far += page_count(out[l]->records->far_count) * HW_FAR_PAGE_RECORDS;
+        if (stats->stream.late_cells)
+            stats->stream.missing += out[l]->records->far_count;
+    }
+    return reserve_scratch(h, near, far);
 }
 
 // ---- near objects ----------------------------------------------------------------------------
 
-// The coarsest level whose surface error stays below the dataset's tolerance at this distance.
-static uint32_t choose_level(const hybrid *h, const hw_near_record *record, double focal_px,
-                             float distance)
+// The level of detail of a near object at this distance: waits for it, or takes the best there is.
+static hw_status get_level(hybrid *h, uint32_t object_idx, double focal_px, float distance,
+                           hw_frame_stats *stats, const hw_near_level **out)
 {
-    const hw_manifest_object *object = &h->manifest.objects[record->object_idx];
-    if (!(distance > 0))
-        return 0;
-    double error = h->manifest.near_error_px * distance / focal_px;
-    return hw_near_meshes_choose(h->meshes, object->mesh_idx,
-                                 error / h->objects[record->object_idx].stretch);
+    hw_data_key key = {HW_DATA_LEVEL, h->manifest.objects[object_idx].mesh_idx, 0};
+    const hw_mesh_table *table = hw_store_table(h->store, key.index);
+    key.level = hw_prefetch_level(table, h->manifest.near_error_px, focal_px,
+                                  (double)h->stretch[object_idx], (double)distance);
+    if (!h->prefetch)
+        HW_TRY(hw_store_need(h->store, key));
+    *out = hw_store_level(h->store, key.index, key.level);
+    if (!h->prefetch || *out == &table->items[key.level].level)
+        return HW_OK;
+    stats->stream.missing++;
+    hw_prefetch_urge(h->prefetch, key);
+    return HW_OK;
 }
 
 // Near objects in view, front to back, with their levels, into h->near.
-static hw_status choose_near(hybrid *h, const hw_cell_gpu *cell, const hw_camera *camera,
+static hw_status choose_near(hybrid *h, const hw_cell_records *cell, const hw_camera *camera,
                              const hw_frustum *frustum, hw_frame_stats *stats, uint32_t *out_count)
 {
     double focal_px = hw_camera_focal_px(camera);
@@ -279,14 +389,12 @@ static hw_status choose_near(hybrid *h, const hw_cell_gpu *cell, const hw_camera
         h->order[i] = (hw_cull_item){distance, h->visible[i]};
     }
     hw_cull_sort(h->order, count, h->order_scratch);
-    for (uint32_t i = 0; i < count; i++) {
-        const hw_near_record *record = &cell->near[h->order[i].index];
-        uint32_t level = choose_level(h, record, focal_px, h->order[i].key);
-        h->near[i].object_idx = record->object_idx;
-        HW_TRY(hw_near_meshes_get(h->meshes, h->manifest.objects[record->object_idx].mesh_idx,
-                                  level, h->frame, stats, &h->near[i].level));
-    }
     *out_count = count;
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t object_idx = cell->near[h->order[i].index].object_idx;
+        h->near[i].object_idx = object_idx;
+        HW_TRY(get_level(h, object_idx, focal_px, h->order[i].key, stats, &h->near[i].level));
+    }
     return HW_OK;
 }
 
@@ -298,7 +406,7 @@ static void draw_near(hybrid *h, uint32_t count, const hw_mat4 *matrix, hw_frame
         const hw_manifest_object *object = &h->manifest.objects[h->near[i].object_idx];
         const near_object *extra = &h->objects[h->near[i].object_idx];
         const hw_near_level *level = h->near[i].level;
-        GLuint texture = hw_near_meshes_texture(h->meshes, object->texture_idx);
+        GLuint texture = hw_store_texture(h->store, object->texture_idx);
         bool textured = texture && level->has_uvs;
         const near_program *program = textured ? &h->near_textured : &h->near_plain;
         if (program != bound)
@@ -331,8 +439,9 @@ static void draw_near(hybrid *h, uint32_t count, const hw_mat4 *matrix, hw_frame
 static void draw_range(hybrid *h, const hw_cell_gpu *cell, uint32_t first, uint32_t end,
                        hw_frame_stats *stats)
 {
-    uint32_t index = cell->far[first].first_index;
-    uint32_t index_end = cell->far[end - 1].first_index + cell->far[end - 1].index_count;
+    const hw_far_draw *far = cell->records->far;
+    uint32_t index = far[first].first_index;
+    uint32_t index_end = far[end - 1].first_index + far[end - 1].index_count;
     stats->far_triangles += (index_end - index) / 3;
     while (index < index_end) {
         uint32_t left = index_end - index, count = left < RANGE_INDICES ? left : RANGE_INDICES;
@@ -375,9 +484,9 @@ static far_list list_far(hybrid *h, const hw_cell_gpu *cell, const hw_mat4 *matr
 {
     far_list list = {cell, first_page, first_page * HW_FAR_PAGE_RECORDS, 0};
     uint32_t *visible = h->visible + list.first_visible;
-    list.count = hw_cull_visible(&cell->far_bounds, frustum, visible);
+    list.count = hw_cull_visible(&cell->records->far_bounds, frustum, visible);
     for (uint32_t i = 0; i < list.count; i++) {
-        const hw_far_draw *far = &cell->far[visible[i]];
+        const hw_far_draw *far = &cell->records->far[visible[i]];
         far_uniform *uniform = &h->far[list.first_visible + visible[i]];
         hw_mat4 product = hw_mat4_mul(*matrix, far->matrix);
         hw_mat4_to_float(&product, uniform->clip);
@@ -411,7 +520,7 @@ static void draw_far(hybrid *h, hw_cell_gpu *const *cells, const hw_mat4 *matrix
     uint32_t pages = 0, count = 0;
     for (int32_t l = 0; l < h->manifest.grid.levels; l++) {
         lists[l] = list_far(h, cells[l], matrix, frustum, pages);
-        pages += (uint32_t)page_count(cells[l]->far_count);
+        pages += (uint32_t)page_count(cells[l]->records->far_count);
         count += lists[l].count;
     }
     if (count == 0)
@@ -432,28 +541,60 @@ typedef struct frame_view {
     uint32_t near_count;
 } frame_view;
 
+static void put_stream_stats(const hybrid *h, const hw_store_stats *before, hw_frame_stats *stats)
+{
+    hw_store_stats s = hw_store_get_stats(h->store);
+    hw_stream_stats *to = &stats->stream;
+    to->queued = s.queued;
+    to->gpu_bytes = s.gpu_bytes;
+    to->gpu_budget = s.gpu_budget;
+    to->ram_bytes = s.ram_bytes;
+    to->ram_budget = s.ram_budget;
+    to->read_bytes = s.read_bytes;
+    to->uploaded_bytes = s.uploaded_bytes;
+    to->waited_ms = (s.slept_s - before->slept_s) * 1000;
+    to->problem_count = s.problem_count;
+    to->problem = s.problem;
+    if (!h->prefetch) {
+        stats->loaded_bytes = s.read_bytes - before->read_bytes;
+        stats->stalls = s.news != before->news;
+    }
+}
+
 // Loads what is missing, and chooses the near objects.
 static hw_status begin_frame(hybrid *h, const hw_camera *camera, hw_frame_stats *stats,
                              frame_view *view)
 {
     double start = hw_clock_ms();
+    hw_store_stats before = hw_store_get_stats(h->store);
     const hw_camera *culling = hw_debug_culling_camera(&h->debug, camera);
     hw_mat4 culling_matrix = hw_camera_view_projection(culling);
-    h->frame++;
     view->matrix = hw_camera_view_projection(camera);
     view->frustum = hw_frustum_make(&culling_matrix);
+    begin_loading(h, culling);
     hw_status status = find_cells(h, culling, stats, view->cells);
     if (status == HW_OK)
-        status = choose_near(h, view->cells[0], culling, &view->frustum, stats, &view->near_count);
+        status = choose_near(h, view->cells[0]->records, culling, &view->frustum, stats,
+                             &view->near_count);
+    put_stream_stats(h, &before, stats);
     if (stats->stalls)
-        stats->load_ms = hw_clock_ms() - start;
+        stats->load_ms = hw_clock_ms() - start + stats->stream.waited_ms;
     return status;
 }
 
 static hw_status hybrid_prepare(void *state, const hw_camera *camera, hw_frame_stats *stats)
 {
+    hybrid *h = state;
     frame_view view;
-    return begin_frame(state, camera, stats, &view);
+    return h->prefetch && h->drawable ? HW_OK : begin_frame(h, camera, stats, &view);
+}
+
+static void hybrid_advance(void *state, double dt_s)
+{
+    hybrid *h = state;
+    h->simulated_s += dt_s;
+    if (h->simulated)
+        hw_store_simulate(h->store, h->simulated_s);
 }
 
 static hw_status hybrid_draw(void *state, const hw_camera *camera, hw_frame_stats *stats)
@@ -483,4 +624,5 @@ const hw_renderer_backend hw_draw_hybrid = {.create = hybrid_create,
                                             .destroy = hybrid_destroy,
                                             .prepare = hybrid_prepare,
                                             .draw = hybrid_draw,
-                                            .set_debug_view = hybrid_set_debug_view};
+                                            .set_debug_view = hybrid_set_debug_view,
+                                            .advance = hybrid_advance};

@@ -87,12 +87,14 @@ size_t hw_hud_format(const hw_hud_info *info, char *out, size_t capacity)
         put(&w, "   %.0f fps   %.1f ms (p99 %.1f)", info->fps, info->frame_ms, info->p99_ms);
     put(&w, "   cell %d,%d   %s triangles, %u draws", info->cell_q, info->cell_r, triangles,
         info->draws);
-    put_bytes(&w, "RAM", info->ram_bytes, info->ram_budget_bytes);
+    put_bytes(&w, "RAM", info->ram_bytes, 0);
+    if (info->waiting_budget_bytes > 0)
+        put_bytes(&w, "waiting", info->waiting_bytes, info->waiting_budget_bytes);
     put_bytes(&w, "GPU", info->gpu_bytes, info->gpu_budget_bytes);
     if (info->queue >= 0)
         put(&w, "   queue %lld", (long long)info->queue);
-    put(&w, "   %.1f MB/s   %llu stalls", info->loaded_bytes_s / 1e6,
-        (unsigned long long)info->stalls);
+    put(&w, "   %.1f MB/s   %llu stalls, %llu late", info->loaded_bytes_s / 1e6,
+        (unsigned long long)info->stalls, (unsigned long long)info->late);
     if (info->recorded_s >= 0)
         put(&w, "   REC %.1f s", info->recorded_s);
     if (info->views)

@@ -8,16 +8,17 @@
 
 // The figures of the line. A budget of 0 is not shown.
 typedef struct hw_hud_info {
-    const char *config;                   // "C hybrid"
-    double fps, frame_ms, p99_ms;         // fps 0: not known yet
-    int32_t cell_q, cell_r;               // the view cell of the eye
-    uint64_t triangles;                   // sent to GL for this frame
-    uint32_t draws;                       // draw calls
-    uint64_t ram_bytes, ram_budget_bytes; // resident memory of the process
-    uint64_t gpu_bytes, gpu_budget_bytes; // of the configuration's buffers and textures
-    int64_t queue;         // what still waits to be loaded; < 0: nothing is ever queued
+    const char *config;                           // "C hybrid"
+    double fps, frame_ms, p99_ms;                 // fps 0: not known yet
+    int32_t cell_q, cell_r;                       // the view cell of the eye
+    uint64_t triangles;                           // sent to GL for this frame
+    uint32_t draws;                               // draw calls
+    uint64_t ram_bytes;                           // resident memory of the process
+    uint64_t waiting_bytes, waiting_budget_bytes; // data on their way to the GPU
+    uint64_t gpu_bytes, gpu_budget_bytes;         // of the configuration's buffers and textures
+    int64_t queue;         // pieces wished for and under way; < 0: nothing is ever queued
     double loaded_bytes_s; // loaded per second
-    uint64_t stalls;       // frames that waited for data so far
+    uint64_t stalls, late; // frames so far that waited for data, or did without
     double recorded_s;     // length of the recording; < 0: none
     const char *views;     // what is switched on: "wireframe, culling frozen"; NULL: nothing
 } hw_hud_info;

@@ -79,6 +79,12 @@ void hw_renderer_set_debug_view(hw_renderer *renderer, const hw_debug_view *view
     renderer->backend->set_debug_view(renderer->state, view);
 }
 
+void hw_renderer_advance(hw_renderer *renderer, double dt_s)
+{
+    if (renderer->backend->advance)
+        renderer->backend->advance(renderer->state, dt_s);
+}
+
 uint64_t hw_renderer_gpu_bytes(const hw_renderer *renderer)
 {
     return renderer->account.bytes;

@@ -333,7 +333,7 @@ static hw_status run(int argc, const char *const *argv)
     hw_status status = HW_OK;
     (void)argc;
     HW_GO(check_usage(&report));
-    HW_GO(hw_manifest_read(argv[0], &manifest));
+    HW_GO(hw_manifest_open(argv[0], &manifest));
     HW_GO(hw_tour_read(options.tour, &tour));
     HW_GO(read_scene(argv[0], &manifest, &scene));
     HW_GO(fill_facts(&report, argv[0], &manifest, &scene, &tour));

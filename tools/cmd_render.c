@@ -22,7 +22,7 @@
 static struct {
     const char *tour, *output, *config, *samples, *scene, *frame, *json, *video;
     uint32_t size[2];
-    uint64_t every;
+    uint64_t every, gpu_budget;
     double lod_error, fps;
     bool no_images;
 } options = {
@@ -70,6 +70,8 @@ static uint32_t fill_options(hw_option *out, uint32_t capacity)
          "Largest projected error of configuration L in pixels."},
         {"scene", 0, HW_OPTION_STRING, &options.scene, "SCENE", NULL, 0, 0,
          "The original scene for configurations A, B and L, if it has moved since the build."},
+        {"gpu-budget", 0, HW_OPTION_BYTES, &options.gpu_budget, "BYTES", NULL, 0, 0,
+         "Memory for the dataset's data on the GPU; 0: 32 MiB."},
         {"no-images", 0, HW_OPTION_FLAG, &options.no_images, NULL, NULL, 0, 0,
          "Write no images, only measure."},
         {"video", 0, HW_OPTION_STRING, &options.video, "FILE", NULL, 0, 0,
@@ -150,7 +152,7 @@ static hw_status read_scene(render *r, const char *path)
 {
     char *inside = NULL;
     HW_TRY(hw_path_join(&inside, path, "."));
-    bool is_folder = hw_path_exists(inside);
+    bool is_folder = hw_path_exists(inside), is_dataset = is_folder || hw_location_is_url(path);
     hw_free(inside);
     if (r->config == HW_CONFIG_C) {
         if (!is_folder && hw_path_exists(path))
@@ -158,9 +160,9 @@ static hw_status read_scene(render *r, const char *path)
         return HW_OK;
     }
     const char *scene_path = options.scene ? options.scene : path;
-    if (!options.scene && is_folder) {
+    if (!options.scene && is_dataset) {
         hw_manifest manifest = {0};
-        HW_TRY(hw_manifest_read(path, &manifest));
+        HW_TRY(hw_manifest_open(path, &manifest));
         r->scene_path = manifest.scene_path;
         manifest.scene_path = NULL;
         hw_manifest_free(&manifest);
@@ -175,7 +177,8 @@ static hw_status make_renderer(render *r, const char *path)
     const hw_renderer_desc renderer = {.config = r->config,
                                        .dataset = path,
                                        .scene = &r->scene,
-                                       .lod_error_px = options.lod_error};
+                                       .lod_error_px = options.lod_error,
+                                       .streaming = {.gpu_budget = options.gpu_budget}};
     HW_TRY(hw_context_create(&context, &r->context));
     HW_TRY(hw_target_create(&r->target, options.size[0], options.size[1],
                             options.samples[0] == '4' ? 4 : 1));
@@ -381,11 +384,13 @@ out:
 const hw_command hw_cmd_render = {
     .name = "render",
     .summary = "Render the frames of a tour off screen.",
-    .arguments = "DATASET|SCENE --tour TOUR.json -o DIR|--video FILE",
+    .arguments = "DATASET|URL|SCENE --tour TOUR.json -o DIR|--video FILE",
     .description =
         "Draws a tour without a window and writes each frame as DIR/frame_NNNNN.png. Configuration "
         "C, the hybrid, reads the dataset alone; full geometry (A), geometry with culling (B) and "
-        "discrete levels of detail (L) read the scene the dataset was built from.\n\n"
+        "discrete levels of detail (L) read the scene the dataset was built from. A dataset may "
+        "also "
+        "be the URL (http://...) of its folder on a web server.\n\n"
         "A scene file instead of a dataset can be rendered without building anything, in "
         "configurations A, B and L.",
     .options = fill_options,

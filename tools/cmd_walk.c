@@ -8,8 +8,12 @@
 #include <stdarg.h>
 #include <string.h>
 
-walk_options walk_opt = {
-    .samples = "1", .collision = "on", .size = {1280, 720}, .lod_error = 1, .seed = 1};
+walk_options walk_opt = {.samples = "1",
+                         .collision = "on",
+                         .prefetch = "on",
+                         .size = {1280, 720},
+                         .lod_error = 1,
+                         .seed = 1};
 
 // Ctrl-C in the terminal ends the walk as Escape does, so that a recording is not lost; a second
 // one kills.
@@ -106,6 +110,8 @@ static hw_status walk_in_window(walk *w)
     HW_TRY(run_frames(w));
     double seconds = (hw_clock_ms() - start_ms) / 1000;
     printf("%llu frames in %.1f s\n", (unsigned long long)w->frame_count, seconds);
+    if (w->missing_count > 0)
+        printf("%llu of them lacked data\n", (unsigned long long)w->missing_count);
     return HW_OK;
 }
 
@@ -163,6 +169,16 @@ static uint32_t fill_options(hw_option *out, uint32_t capacity)
          "Record the walk as a tour from the start."},
         {"scene", 0, HW_OPTION_STRING, &o->scene, "SCENE", NULL, 0, 0,
          "The original scene for configurations A, B and L, if it has moved since the build."},
+        {"prefetch", 0, HW_OPTION_CHOICE, &o->prefetch, NULL, "on|off", 0, 0,
+         "Whether a thread loads what the walk may soon need; off: frames wait for what they "
+         "lack."},
+        {"bandwidth", 0, HW_OPTION_BYTES, &o->bandwidth, "BYTES", NULL, 0, 0,
+         "Read the dataset with at most so many bytes a second, 5M for instance; 0: as fast as it "
+         "comes."},
+        {"gpu-budget", 0, HW_OPTION_BYTES, &o->gpu_budget, "BYTES", NULL, 0, 0,
+         "Memory for the dataset's data on the GPU; 0: 32 MiB."},
+        {"ram-budget", 0, HW_OPTION_BYTES, &o->ram_budget, "BYTES", NULL, 0, 0,
+         "Memory for data on their way to the GPU; 0: 10 MiB."},
         {"frames", 0, HW_OPTION_UINT, &o->frames, "N", NULL, 0, 1e9,
          "Quit after so many frames; 0 walks on."},
         {"random-walk", 0, HW_OPTION_DOUBLE, &o->random_walk, "SECONDS", NULL, 0, 1e6,
@@ -189,9 +205,10 @@ static uint32_t fill_keys(hw_command_key *out, uint32_t capacity)
 const hw_command hw_cmd_walk = {
     .name = "walk",
     .summary = "Walk through a dataset in a window.",
-    .arguments = "DATASET|SCENE",
+    .arguments = "DATASET|URL|SCENE",
     .description =
-        "Opens a window on a dataset. W, A, S, D or the arrows walk, Q and E go down and up, Shift "
+        "Opens a window on a dataset, a folder or the URL of one on a web server. W, A, S, D or "
+        "the arrows walk, Q and E go down and up, Shift "
         "runs, a click lets the mouse turn the view, and F1 shows all keys. One cannot walk into "
         "objects, nor out of the cells. Keys 1 to 4 switch between full geometry (A), geometry "
         "with culling (B), discrete levels of detail (L) and the hybrid (C); the first three, and "

@@ -19,11 +19,11 @@
 #define WALK_MESSAGE_MS 4000.0
 
 typedef struct walk_options {
-    const char *tour, *config, *samples, *record, *scene, *collision;
+    const char *tour, *config, *samples, *record, *scene, *collision, *prefetch;
     uint32_t size[2];
     bool fullscreen;
     double lod_error, random_walk;
-    uint64_t frames, seed;
+    uint64_t frames, seed, bandwidth, gpu_budget, ram_budget;
 } walk_options;
 extern walk_options walk_opt;
 
@@ -75,8 +75,10 @@ typedef struct walk {
     double message_until_ms;
     hw_pace pace;
     hw_frame_stats stats;
-    uint64_t stalls, loaded_bytes; // so far
-    uint64_t frame_count;
+    uint64_t stalls;                     // so far
+    uint64_t loaded_bytes, read_bytes;   // by the last frame; by the hybrid since its start
+    uint64_t frame_count, missing_count; // missing: frames that lacked data
+    uint32_t problem_count;              // of the dataset's files that the visitor was told of
 } walk;
 
 uint32_t walk_samples(void);

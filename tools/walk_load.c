@@ -1,6 +1,7 @@
 #include "alloc.h"
 #include "file.h"
 #include "import.h"
+#include "source.h"
 #include "system.h"
 #include "walk.h"
 #include <string.h>
@@ -36,11 +37,11 @@ hw_status walk_open(walk *w, const char *path)
     w->path = path;
     const char *slash = strrchr(path, '/');
     w->name = slash && slash[1] ? slash + 1 : path;
-    w->is_dataset = is_folder(path);
+    w->is_dataset = hw_location_is_url(path) || is_folder(path);
     if (!w->is_dataset && !hw_path_exists(path))
         return hw_fail(HW_NOT_FOUND, "%s: no such dataset or scene", path);
     if (w->is_dataset)
-        HW_TRY(hw_manifest_read(path, &w->manifest));
+        HW_TRY(hw_manifest_open(path, &w->manifest));
     HW_TRY(choose_config(w));
     const char *scene = walk_opt.scene  ? walk_opt.scene
                         : w->is_dataset ? w->manifest.scene_path
@@ -199,7 +200,13 @@ static hw_status make_renderer(walk *w)
     hw_renderer_desc desc = {.config = w->wanted,
                              .dataset = w->is_dataset ? w->path : NULL,
                              .scene = w->loader.loaded ? &w->loader.scene : NULL,
-                             .lod_error_px = walk_opt.lod_error};
+                             .lod_error_px = walk_opt.lod_error,
+                             .streaming = {.loading = strcmp(walk_opt.prefetch, "on") == 0
+                                                          ? HW_LOADING_AHEAD
+                                                          : HW_LOADING_WAITS,
+                                           .bytes_per_second = walk_opt.bandwidth,
+                                           .gpu_budget = walk_opt.gpu_budget,
+                                           .ram_budget = walk_opt.ram_budget}};
     HW_TRY(hw_renderer_create(&desc, &w->renderers[w->wanted]));
     hw_renderer_set_debug_view(w->renderers[w->wanted], &w->debug);
     return HW_OK;

@@ -113,8 +113,8 @@ hw_status walk_at_random(walk *w)
     printf("random walk: %llu frames, %.0f units, %llu crossings, %llu bumps\n",
            (unsigned long long)f.frames, f.way, (unsigned long long)f.crossings,
            (unsigned long long)f.bumps);
-    printf("loading      %llu stalls, slowest frame %.1f ms\n", (unsigned long long)w->stalls,
-           f.slowest_ms);
+    printf("loading      %llu stalls, %llu frames lacked data, slowest frame %.1f ms\n",
+           (unsigned long long)w->stalls, (unsigned long long)w->missing_count, f.slowest_ms);
     printf("memory       %.1f MB half way, %.1f MB at the end, %.1f MB at the peak\n",
            (double)f.half_rss_bytes / 1e6, (double)hw_rss_bytes() / 1e6,
            (double)hw_rss_peak_bytes() / 1e6);

@@ -36,7 +36,7 @@ static void format_line(const walk *w, const hw_camera *camera, char *out, size_
     char views[256];
     walk_list_views(w, views, sizeof views);
     hw_cell_id cell = hw_hexgrid_locate(&w->walker.grid, camera->eye.x, camera->eye.y);
-    // Budgets and the queue's length come with the loader that keeps them.
+    const hw_stream_stats *stream = &w->stats.stream;
     hw_hud_info info = {.config = walk_config_title(w->config),
                         .fps = w->pace.fps,
                         .frame_ms = w->pace.frame_ms,
@@ -46,10 +46,14 @@ static void format_line(const walk *w, const hw_camera *camera, char *out, size_
                         .triangles = w->stats.triangles,
                         .draws = w->stats.draws,
                         .ram_bytes = hw_rss_bytes(),
+                        .waiting_bytes = stream->ram_bytes,
+                        .waiting_budget_bytes = stream->ram_budget,
                         .gpu_bytes = hw_renderer_gpu_bytes(w->shown),
-                        .queue = -1,
+                        .gpu_budget_bytes = stream->gpu_budget,
+                        .queue = stream->ram_budget > 0 ? (int64_t)stream->queued : -1,
                         .loaded_bytes_s = w->pace.bytes_s,
                         .stalls = w->stalls,
+                        .late = w->missing_count,
                         .recorded_s = w->walker.recording ? w->walker.recorded_s : -1,
                         .views = views[0] ? views : NULL};
     hw_hud_format(&info, out, capacity);
@@ -122,6 +126,18 @@ static void draw_hud(walk *w, const hw_camera *camera)
 
 // ---- The frame
 
+// What could not be loaded: the best there is stays in view, and it is tried again.
+static void watch_stream(walk *w)
+{
+    const hw_stream_stats *s = &w->stats.stream;
+    w->missing_count += s->missing > 0;
+    if (s->problem_count > w->problem_count)
+        walk_say(w, 2 * WALK_MESSAGE_MS, "%s; it will be tried again", s->problem);
+    w->problem_count = s->problem_count;
+    w->loaded_bytes = s->read_bytes > w->read_bytes ? s->read_bytes - w->read_bytes : 0;
+    w->read_bytes = s->read_bytes;
+}
+
 hw_status walk_draw_frame(walk *w)
 {
     hw_camera camera = {0};
@@ -134,8 +150,8 @@ hw_status walk_draw_frame(walk *w)
     camera = hw_walker_camera(&w->walker, w->input.width, w->input.height);
     HW_TRY(hw_renderer_prepare(w->shown, &camera, &load));
     HW_TRY(walk_draw_view(w, &camera));
+    watch_stream(w);
     w->stalls += load.stalls + w->stats.stalls;
-    w->loaded_bytes = load.loaded_bytes + w->stats.loaded_bytes;
     draw_hud(w, &camera);
     w->frame_count++;
     return HW_OK;

@@ -34,11 +34,13 @@ static void test_format(void **state)
     size_t length = hw_hud_format(&info, text, sizeof text);
     assert_string_equal(text, "C hybrid   60 fps   16.8 ms (p99 18.0)   cell 3,-2   "
                               "1,234,567 triangles, 12 draws   RAM 91.2 MB   GPU 182.3 MB   "
-                              "0.0 MB/s   0 stalls");
+                              "0.0 MB/s   0 stalls, 0 late");
     assert_int_equal(length, strlen(text));
     info.fps = 0; // not measured yet
     info.triangles = 0;
-    info.ram_budget_bytes = 150000000;
+    info.waiting_bytes = 1900000;
+    info.waiting_budget_bytes = 10000000;
+    info.late = 12;
     info.gpu_budget_bytes = 96000000;
     info.queue = 7;
     info.loaded_bytes_s = 2.5e6;
@@ -47,8 +49,8 @@ static void test_format(void **state)
     info.views = "wireframe";
     hw_hud_format(&info, text, sizeof text);
     assert_string_equal(text, "C hybrid   cell 3,-2   0 triangles, 12 draws   "
-                              "RAM 91.2 of 150 MB   GPU 182.3 of 96 MB   queue 7   2.5 MB/s   "
-                              "3 stalls   REC 1.2 s   [wireframe]");
+                              "RAM 91.2 MB   waiting 1.9 of 10 MB   GPU 182.3 of 96 MB   queue 7   "
+                              "2.5 MB/s   3 stalls, 12 late   REC 1.2 s   [wireframe]");
     info.triangles = 100;
     hw_hud_format(&info, text, sizeof text);
     assert_non_null(strstr(text, " 100 triangles"));
