@@ -4,6 +4,8 @@
 #include "cull.h"
 #include "mesh_file.h"
 #include "solid.h"
+#include "source.h"
+#include <stdio.h>
 
 // Cubes of this size, in the world, where meshes are small enough for it.
 #define CUBE_SIDE 1.0
@@ -91,37 +93,37 @@ static hw_status finish(hw_obstacles *o, const hw_box *boxes)
 }
 
 // The coarsest level whose surface is within half a cube of the original's.
-static hw_status read_level(const char *dataset, uint32_t mesh_idx, double side, hw_mesh *out)
+static hw_status read_level(hw_source *source, uint32_t mesh_idx, double side, hw_mesh *out)
 {
     hw_status status = HW_OK;
-    char *path = NULL;
+    char name[48];
+    hw_block block = {0};
     hw_mesh_file *file = NULL;
-    HW_GO(hw_mesh_path(&path, dataset, mesh_idx));
-    HW_GO(hw_mesh_file_open(&file, path));
+    uint64_t offset, size;
+    snprintf(name, sizeof name, "meshes/%u.hxm", mesh_idx);
+    HW_TRY(hw_source_read(source, name, 0, HW_MESH_FRONT_BYTES, &block));
+    HW_GO(hw_mesh_file_open_front(&file, name, block.data, block.size, block.file_bytes));
     uint32_t level = 0, count = hw_mesh_file_level_count(file);
     while (level + 1 < count && hw_mesh_file_level(file, level + 1)->error_p99 <= side / 2)
         level++;
-    HW_GO(hw_mesh_file_read(file, level, out));
+    hw_mesh_file_level_place(file, level, &offset, &size);
+    hw_free(block.data);
+    block = (hw_block){0};
+    HW_GO(hw_source_read(source, name, offset, size, &block));
+    HW_GO(hw_mesh_file_decode(file, level, block.data, block.size, out));
 out:
+    hw_free(block.data);
     hw_mesh_file_close(file);
-    hw_free(path);
     return status;
 }
 
-// Where the meshes and objects come from: a dataset, or a scene.
-typedef struct source {
-    const char *dataset;
-    const hw_manifest *manifest;
-    const hw_scene *scene;
-} source;
-
-static hw_status make_solid(hw_obstacles *o, const source *from, uint32_t mesh_idx, double side,
-                            uint32_t *missing)
+static hw_status make_solid(hw_obstacles *o, const hw_scene *scene, hw_source *source,
+                            uint32_t mesh_idx, double side, uint32_t *missing)
 {
-    if (from->scene)
-        return hw_solid_make(&o->solids[mesh_idx], &from->scene->meshes[mesh_idx], side);
+    if (scene)
+        return hw_solid_make(&o->solids[mesh_idx], &scene->meshes[mesh_idx], side);
     hw_mesh mesh = {0};
-    hw_status status = read_level(from->dataset, mesh_idx, side, &mesh);
+    hw_status status = read_level(source, mesh_idx, side, &mesh);
     if (status == HW_OK)
         status = hw_solid_make(&o->solids[mesh_idx], &mesh, side);
     hw_mesh_free(&mesh);
@@ -131,57 +133,60 @@ static hw_status make_solid(hw_obstacles *o, const source *from, uint32_t mesh_i
     return HW_OK;
 }
 
-static hw_box place_object(hw_obstacles *o, const source *from, uint32_t i)
+static hw_status make_solids(hw_obstacles *o, const hw_obstacles_desc *desc, uint32_t *missing)
 {
-    if (from->scene) {
-        const hw_object *object = &from->scene->objects[i];
+    hw_status status = HW_OK;
+    double *sides = NULL;
+    hw_source *source = NULL;
+    HW_GO(choose_sides(o, &sides));
+    if (!desc->scene)
+        HW_GO(hw_source_open(&source, &(hw_source_desc){.location = desc->dataset}));
+    for (uint32_t i = 0; i < o->mesh_count; i++) {
+        if (desc->stop && atomic_load(desc->stop)) {
+            status = hw_fail(HW_INTERRUPTED, "obstacles: interrupted");
+            goto out;
+        }
+        if (sides[i] > 0)
+            HW_GO(make_solid(o, desc->scene, source, i, sides[i], missing));
+    }
+out:
+    hw_source_close(source);
+    hw_free(sides);
+    return status;
+}
+
+static hw_box place_object(hw_obstacles *o, const hw_obstacles_desc *desc, uint32_t i)
+{
+    if (desc->scene) {
+        const hw_object *object = &desc->scene->objects[i];
         place(o, i, object->mesh_idx, &object->transform);
         return object->bounds;
     }
-    const hw_manifest_object *object = &from->manifest->objects[i];
+    const hw_manifest_object *object = &desc->manifest->objects[i];
     place(o, i, object->mesh_idx, &object->transform);
     return object->bounds;
 }
 
-static hw_status make(hw_obstacles **out, const source *from, uint32_t mesh_count, uint32_t count,
-                      uint32_t *missing)
+hw_status hw_obstacles_create(const hw_obstacles_desc *desc, uint32_t *missing, hw_obstacles **out)
 {
     hw_status status = HW_OK;
     hw_obstacles *o = NULL;
-    double *sides = NULL;
     hw_box *boxes = NULL;
+    uint32_t count = desc->scene ? desc->scene->object_count : desc->manifest->object_count;
     *missing = 0;
     *out = NULL;
-    HW_GO(create(&o, mesh_count, count));
+    HW_GO(create(&o, desc->scene ? desc->scene->mesh_count : desc->manifest->mesh_count, count));
     HW_GO(HW_NEW(&boxes, count));
     for (uint32_t i = 0; i < count; i++)
-        boxes[i] = place_object(o, from, i);
-    HW_GO(choose_sides(o, &sides));
-    for (uint32_t i = 0; i < mesh_count; i++)
-        if (sides[i] > 0)
-            HW_GO(make_solid(o, from, i, sides[i], missing));
+        boxes[i] = place_object(o, desc, i);
+    HW_GO(make_solids(o, desc, missing));
     HW_GO(finish(o, boxes));
     *out = o;
     o = NULL;
 out:
-    hw_free(sides);
     hw_free(boxes);
     hw_obstacles_destroy(o);
     return status;
-}
-
-hw_status hw_obstacles_from_dataset(hw_obstacles **out, const char *dataset,
-                                    const hw_manifest *manifest, uint32_t *missing)
-{
-    const source from = {.dataset = dataset, .manifest = manifest};
-    return make(out, &from, manifest->mesh_count, manifest->object_count, missing);
-}
-
-hw_status hw_obstacles_from_scene(hw_obstacles **out, const hw_scene *scene)
-{
-    const source from = {.scene = scene};
-    uint32_t missing;
-    return make(out, &from, scene->mesh_count, scene->object_count, &missing);
 }
 
 // ---- Touching

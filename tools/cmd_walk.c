@@ -67,6 +67,7 @@ static hw_status run_frames(walk *w)
     while (!w->quit) {
         walk_handle_keys(w);
         w->quit = w->quit || interrupted;
+        walk_take_obstacles(w, false);
         double now = hw_clock_ms();
         if (w->placed)
             HW_TRY(hw_walker_update(&w->walker, &w->input, (now - last_ms) / 1000));

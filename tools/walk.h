@@ -1,7 +1,7 @@
 // The parts of hexwalk walk: one struct that all of them work on. walk_load.c finds what is walked
-// through and makes renderers, walk_view.c draws a frame, walk_files.c writes files and the
-// clipboard, walk_keys.c does what keys ask for, walk_random.c walks without a window, cmd_walk.c
-// is the command.
+// through and makes renderers, walk_task.c works beside the walk, walk_view.c draws a frame,
+// walk_files.c writes files and the clipboard, walk_keys.c does what keys ask for, walk_random.c
+// walks without a window, cmd_walk.c is the command.
 #pragma once
 #include "compare_view.h"
 #include "context.h"
@@ -27,17 +27,34 @@ typedef struct walk_options {
 } walk_options;
 extern walk_options walk_opt;
 
-// Imports a scene beside the walk, which goes on meanwhile.
-typedef struct walk_loader {
+// Something that is done beside the walk, which goes on meanwhile. Zero-initialise.
+typedef struct walk_task {
+    hw_status (*work)(void *context);
+    void *context;
     pthread_t thread;
-    bool running, loaded; // of the walk's thread
-    atomic_bool done;     // the worker's last word; what follows is the walk's from then on
-    char *path;
-    hw_scene scene;
+    bool running;     // of the walk's thread: to be joined
+    atomic_bool done; // the worker's last word; what follows is the walk's from then on
     hw_status status;
     char error[HW_ERROR_CAPACITY];
+} walk_task;
+
+// The original scene.
+typedef struct walk_loader {
+    walk_task task;
+    bool loaded;
+    char *path;
+    hw_scene scene;
     double start_ms;
 } walk_loader;
+
+// What a visitor bumps into.
+typedef struct walk_obstacles {
+    walk_task task;
+    atomic_bool stop;
+    hw_obstacles_desc desc;
+    hw_obstacles *made;
+    uint32_t missing; // meshes that could not be read
+} walk_obstacles;
 
 // What is shown besides the plain picture.
 typedef enum walk_compare { WALK_PLAIN, WALK_SPLIT, WALK_ERRORS } walk_compare;
@@ -56,9 +73,10 @@ typedef struct walk {
     hw_config wanted;
     bool waiting, announced, only_make;
     hw_walker walker;
-    bool placed;             // the walker has a grid
-    hw_obstacles *obstacles; // used while collision is on
-    hw_box *boxes;           // of the objects, for the map
+    bool placed; // the walker has a grid
+    walk_obstacles obstacles;
+    bool collides; // once there are obstacles
+    hw_box *boxes; // of the objects, for the map
     uint32_t box_count;
     hw_tour tour;
     const char *record_path; // where the present recording goes
@@ -101,7 +119,18 @@ HW_MUST_USE hw_status walk_pursue_config(walk *w);
 void walk_want_config(walk *w, hw_config config);
 // Compares with B, at once or when it is there.
 void walk_want_compare(walk *w, walk_compare compare);
+// Takes the obstacles once they are there, waiting for them with `wait`; said if there are none.
+void walk_take_obstacles(walk *w, bool wait);
 void walk_close(walk *w);
+
+// ---- walk_task.c
+
+HW_MUST_USE hw_status walk_task_start(walk_task *task, hw_status (*work)(void *context),
+                                      void *context);
+// Whether it runs and has ended, so that joining does not wait.
+bool walk_task_ended(walk_task *task);
+// Waits for the end and returns its status, with its message.
+HW_MUST_USE hw_status walk_task_join(walk_task *task);
 
 // ---- walk_view.c
 

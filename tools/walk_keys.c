@@ -10,11 +10,6 @@ static void set_debug(walk *w)
             hw_renderer_set_debug_view(w->renderers[i], &w->debug);
 }
 
-static const char *on_or_off(bool on)
-{
-    return on ? "on" : "off";
-}
-
 static void freeze(walk *w)
 {
     w->debug.frozen = !w->debug.frozen;
@@ -27,8 +22,9 @@ static void freeze(walk *w)
 
 static void toggle_collision(walk *w)
 {
-    w->walker.obstacles = w->walker.obstacles ? NULL : w->obstacles;
-    walk_say(w, WALK_MESSAGE_MS, "Collision %s", on_or_off(w->walker.obstacles));
+    w->collides = !w->collides;
+    w->walker.obstacles = w->collides ? w->obstacles.made : NULL;
+    walk_say(w, WALK_MESSAGE_MS, "Collision %s", w->collides ? "on" : "off");
 }
 
 static void handle_views(walk *w, const bool *pressed)
@@ -123,7 +119,7 @@ void walk_list_views(const walk *w, char *out, size_t capacity)
         {w->debug.frozen, "culling frozen"},
         {w->compare == WALK_SPLIT, "B on the right"},
         {w->compare == WALK_ERRORS, "differences from B"},
-        {w->placed && !w->walker.obstacles, "no collision"},
+        {w->placed && !w->collides, "no collision"},
     };
     size_t length = 0;
     out[0] = '\0';

@@ -82,20 +82,37 @@ static hw_status keep_boxes(walk *w)
     return HW_OK;
 }
 
-// What cannot be read is no obstacle: that is said, and the walk goes on.
-static hw_status make_obstacles(walk *w)
+static hw_status make_obstacles(void *context)
 {
-    uint32_t missing = 0;
-    if (w->is_dataset)
-        HW_TRY(hw_obstacles_from_dataset(&w->obstacles, w->path, &w->manifest, &missing));
-    else
-        HW_TRY(hw_obstacles_from_scene(&w->obstacles, &w->loader.scene));
-    if (missing > 0)
-        walk_say(w, WALK_MESSAGE_MS, "%u of %u meshes cannot be read: no obstacles", missing,
+    walk_obstacles *o = context;
+    return hw_obstacles_create(&o->desc, &o->missing, &o->made);
+}
+
+static hw_status start_obstacles(walk *w)
+{
+    walk_obstacles *o = &w->obstacles;
+    o->desc = (hw_obstacles_desc){.dataset = w->path,
+                                  .manifest = &w->manifest,
+                                  .scene = w->is_dataset ? NULL : &w->loader.scene,
+                                  .stop = &o->stop};
+    w->collides = strcmp(walk_opt.collision, "on") == 0;
+    return walk_task_start(&o->task, make_obstacles, o);
+}
+
+void walk_take_obstacles(walk *w, bool wait)
+{
+    walk_obstacles *o = &w->obstacles;
+    if (!o->task.running || !(wait || walk_task_ended(&o->task)))
+        return;
+    // What cannot be read is no obstacle: the walk goes on.
+    if (walk_task_join(&o->task) != HW_OK) {
+        walk_complain(w, "no collision");
+        return;
+    }
+    if (o->missing > 0)
+        walk_say(w, WALK_MESSAGE_MS, "%u of %u meshes cannot be read: no obstacles", o->missing,
                  w->manifest.mesh_count);
-    if (strcmp(walk_opt.collision, "on") == 0)
-        w->walker.obstacles = w->obstacles;
-    return HW_OK;
+    w->walker.obstacles = w->collides ? o->made : NULL;
 }
 
 // Puts the walker into the dataset's grid, or that of a scene without one.
@@ -108,7 +125,7 @@ static hw_status place_walker(walk *w)
     HW_TRY(keep_boxes(w));
     hw_walker_init(&w->walker, &grid);
     hw_walker_place_default(&w->walker, w->boxes, w->box_count, ground_z);
-    HW_TRY(make_obstacles(w));
+    HW_TRY(start_obstacles(w));
     w->placed = true;
     if (w->tour.frame_count > 0)
         hw_walker_play(&w->walker, &w->tour);
@@ -120,42 +137,10 @@ static hw_status place_walker(walk *w)
 
 // ---- Loading
 
-static void *load_scene(void *argument)
+static hw_status load_scene(void *context)
 {
-    walk_loader *loader = argument;
-    loader->status = hw_scene_import(loader->path, &loader->scene);
-    if (loader->status != HW_OK)
-        hw_error_save(loader->error);
-    atomic_store(&loader->done, true);
-    return NULL;
-}
-
-static hw_status loader_start(walk_loader *loader)
-{
-    atomic_store(&loader->done, false);
-    loader->start_ms = hw_clock_ms();
-    if (pthread_create(&loader->thread, NULL, load_scene, loader) != 0)
-        return hw_fail(HW_MEMORY, "%s: no thread to load it", loader->path);
-    loader->running = true;
-    return HW_OK;
-}
-
-static hw_status loader_finish(walk_loader *loader)
-{
-    pthread_join(loader->thread, NULL);
-    loader->running = false;
-    loader->loaded = loader->status == HW_OK;
-    if (!loader->loaded)
-        hw_error_restore(loader->error);
-    return loader->status;
-}
-
-static void loader_free(walk_loader *loader)
-{
-    if (loader->running)
-        pthread_join(loader->thread, NULL);
-    hw_scene_free(&loader->scene);
-    hw_free(loader->path);
+    walk_loader *loader = context;
+    return hw_scene_import(loader->path, &loader->scene);
 }
 
 // One step towards the scene; *ready once it is there.
@@ -165,15 +150,17 @@ static hw_status advance_loading(walk *w, bool *ready)
     *ready = loader->loaded;
     if (loader->loaded)
         return HW_OK;
-    if (!loader->running)
-        HW_TRY(loader_start(loader));
-    if (!atomic_load(&loader->done)) {
+    if (!loader->task.running) {
+        loader->start_ms = hw_clock_ms();
+        HW_TRY(walk_task_start(&loader->task, load_scene, loader));
+    }
+    if (!walk_task_ended(&loader->task)) {
         walk_say(w, WALK_MESSAGE_MS, "Loading %s for configuration %s: %.0f s", loader->path,
                  hw_config_name(w->wanted), (hw_clock_ms() - loader->start_ms) / 1000);
         return HW_OK;
     }
-    HW_TRY(loader_finish(loader));
-    *ready = true;
+    HW_TRY(walk_task_join(&loader->task));
+    *ready = loader->loaded = true;
     return HW_OK;
 }
 
@@ -279,16 +266,28 @@ void walk_want_compare(walk *w, walk_compare compare)
         wait_for(w, HW_CONFIG_B, true);
 }
 
+// What is under way is stopped, or waited for; how it ended does not matter any more.
+static void end_tasks(walk *w)
+{
+    atomic_store(&w->obstacles.stop, true);
+    walk_task *tasks[] = {&w->obstacles.task, &w->loader.task};
+    for (int i = 0; i < 2; i++)
+        if (tasks[i]->running && walk_task_join(tasks[i]) != HW_OK)
+            continue;
+}
+
 void walk_close(walk *w)
 {
+    end_tasks(w);
     for (int i = 0; i < 4; i++)
         hw_renderer_destroy(w->renderers[i]);
     hw_compare_view_destroy(w->compare_view);
     hw_hud_destroy(w->hud);
     hw_context_destroy(w->context);
-    loader_free(&w->loader);
+    hw_scene_free(&w->loader.scene);
+    hw_free(w->loader.path);
     hw_walker_free(&w->walker);
-    hw_obstacles_destroy(w->obstacles);
+    hw_obstacles_destroy(w->obstacles.made);
     hw_free(w->boxes);
     hw_tour_free(&w->tour);
     hw_manifest_free(&w->manifest);

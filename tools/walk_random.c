@@ -111,6 +111,7 @@ hw_status walk_at_random(walk *w)
     w->input.height = walk_opt.size[1];
     HW_GO(hw_target_create(&target, walk_opt.size[0], walk_opt.size[1], walk_samples()));
     HW_GO(reach_config(w));
+    walk_take_obstacles(w, true);
     HW_GO(walk_steps(w, target, &f));
     printf("random walk: %llu frames, %.0f units, %llu crossings, %llu bumps\n",
            (unsigned long long)f.frames, f.way, (unsigned long long)f.crossings,

@@ -1,9 +1,12 @@
 // The walker: motion, bounds, tours and recordings, all without a window.
 #include "alloc.h"
+#include "file.h"
+#include "mesh_file.h"
 #include "rng.h"
 #include "walker.h"
 #include <setjmp.h>
 #include <stdarg.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
@@ -564,8 +567,11 @@ static hw_obstacles *obstacles_of(hw_mesh *mesh, const hw_mat4 *transform)
     hw_object object = {.transform = *transform};
     hw_scene scene = {.mesh_count = 1, .object_count = 1, .meshes = mesh, .objects = &object};
     hw_obstacles *obstacles;
+    uint32_t missing;
     hw_scene_update_bounds(&scene);
-    assert_int_equal(hw_obstacles_from_scene(&obstacles, &scene), HW_OK);
+    const hw_obstacles_desc desc = {.scene = &scene};
+    assert_int_equal(hw_obstacles_create(&desc, &missing, &obstacles), HW_OK);
+    assert_int_equal(missing, 0);
     hw_mesh_free(mesh);
     return obstacles;
 }
@@ -638,6 +644,72 @@ static void test_obstacles_are_placed(void **state)
         }
     }
     hw_obstacles_destroy(o);
+}
+
+// Writes levels of a mesh file: a wide box, and a thin one as the coarse level.
+static void write_wide_and_thin(const char *folder, uint32_t mesh_idx, float error)
+{
+    const hw_box wide = {{-10, -10, 0}, {10, 10, 30}}, thin = {{-2, -2, 0}, {2, 2, 30}};
+    hw_mesh levels[2] = {boxes_mesh(&wide, 1), boxes_mesh(&thin, 1)};
+    hw_mesh_level_info infos[2] = {{8, 36, 0, 0, 0}, {8, 36, error, error, error}};
+    char *path = NULL;
+    for (int i = 0; i < 2; i++) {
+        assert_int_equal(hw_strdup(&levels[i].name, "box"), HW_OK);
+        assert_int_equal(hw_mesh_compute_normals(&levels[i]), HW_OK);
+    }
+    assert_int_equal(hw_mesh_path(&path, folder, mesh_idx), HW_OK);
+    assert_int_equal(hw_mesh_file_write(path, 1, levels, infos, 2), HW_OK);
+    hw_free(path);
+    hw_mesh_free(&levels[0]);
+    hw_mesh_free(&levels[1]);
+}
+
+static bool touches(const hw_obstacles *o, double x, double y)
+{
+    const hw_body body = {x, y, 2, 13, 3};
+    return hw_obstacles_touch(o, &body, NULL) > 0;
+}
+
+// Coarse levels are used where they are exact enough; what cannot be read is left out and counted.
+static void test_obstacles_of_a_dataset(void **state)
+{
+    (void)state;
+    char folder[] = "/tmp/test_walker_XXXXXX", path[64];
+    assert_non_null(mkdtemp(folder));
+    snprintf(path, sizeof path, "%s/meshes", folder);
+    assert_int_equal(hw_dir_make(path), HW_OK);
+    write_wide_and_thin(folder, 0, 0.4f);
+    write_wide_and_thin(folder, 1, 0.6f);
+    snprintf(path, sizeof path, "%s/meshes/2.hxm", folder);
+    assert_int_equal(hw_file_write(path, "rubbish", 7), HW_OK);
+    hw_manifest_object objects[4];
+    for (uint32_t i = 0; i < 4; i++) {
+        float x = 100.0f * (float)i;
+        objects[i] = (hw_manifest_object){.mesh_idx = i,
+                                          .transform = hw_mat4_translation(x, 0, 0),
+                                          .bounds = {{x - 10, -10, 0}, {x + 10, 10, 30}}};
+    }
+    const hw_manifest manifest = {.mesh_count = 4, .object_count = 4, .objects = objects};
+    atomic_bool stop = false;
+    const hw_obstacles_desc desc = {.dataset = folder, .manifest = &manifest, .stop = &stop};
+    hw_obstacles *o;
+    uint32_t missing;
+    assert_int_equal(hw_obstacles_create(&desc, &missing, &o), HW_OK);
+    assert_int_equal(missing, 2); // one is rubbish, one is not there
+    assert_true(touches(o, 0, 0) && !touches(o, 9, 0));
+    assert_true(touches(o, 100, 0) && touches(o, 109, 0) && !touches(o, 116, 0));
+    assert_true(!touches(o, 200, 0) && !touches(o, 300, 0));
+    hw_obstacles_destroy(o);
+    atomic_store(&stop, true);
+    assert_int_equal(hw_obstacles_create(&desc, &missing, &o), HW_INTERRUPTED);
+    assert_null(o);
+    for (int i = 0; i < 3; i++) {
+        snprintf(path, sizeof path, "%s/meshes/%d.hxm", folder, i);
+        unlink(path);
+    }
+    snprintf(path, sizeof path, "%s/meshes", folder);
+    rmdir(path);
+    rmdir(folder);
 }
 
 static void test_no_way_through(void **state)
@@ -846,6 +918,7 @@ int main(void)
         cmocka_unit_test(test_recording_without_memory),
         cmocka_unit_test(test_touch),
         cmocka_unit_test(test_obstacles_are_placed),
+        cmocka_unit_test(test_obstacles_of_a_dataset),
         cmocka_unit_test(test_no_way_through),
         cmocka_unit_test(test_thin_wall),
         cmocka_unit_test(test_sliding),
