@@ -18,22 +18,28 @@
 #include <math.h>
 #include <signal.h>
 #include <stdlib.h>
+#include <string.h>
 
 static struct {
-    const char *tour, *output, *config, *samples, *scene, *frame, *json, *video;
+    const char *tour, *output, *config, *samples, *scene, *frame, *json, *video, *prefetch;
     uint32_t size[2];
-    uint64_t every, gpu_budget;
+    uint64_t every, bandwidth, gpu_budget, ram_budget;
     double lod_error, fps;
     bool no_images;
-} options = {
-    .samples = "1", .config = "C", .size = {1024, 1024}, .every = 1, .lod_error = 1, .fps = 30};
+} options = {.samples = "1",
+             .config = "C",
+             .prefetch = "off",
+             .size = {1024, 1024},
+             .every = 1,
+             .lod_error = 1,
+             .fps = 30};
 
 // What the frames add up to.
 typedef struct figures {
     uint32_t frames;
     double *frame_ms;
     uint64_t triangles, triangles_max, draws;
-    uint64_t load_bytes, stalls;
+    uint64_t load_bytes, stalls, missing; // missing: frames that lacked data
     double load_ms;
 } figures;
 
@@ -70,8 +76,15 @@ static uint32_t fill_options(hw_option *out, uint32_t capacity)
          "Largest projected error of configuration L in pixels."},
         {"scene", 0, HW_OPTION_STRING, &options.scene, "SCENE", NULL, 0, 0,
          "The original scene for configurations A, B and L, if it has moved since the build."},
+        {"prefetch", 0, HW_OPTION_CHOICE, &options.prefetch, NULL, "on|off", 0, 0,
+         "on: play the tour at its own time by a simulated clock, and draw what prefetching has "
+         "brought by then; off: wait for all that a frame needs."},
+        {"bandwidth", 0, HW_OPTION_BYTES, &options.bandwidth, "BYTES", NULL, 0, 0,
+         "With --prefetch on: read the dataset with at most so many bytes a second."},
         {"gpu-budget", 0, HW_OPTION_BYTES, &options.gpu_budget, "BYTES", NULL, 0, 0,
          "Memory for the dataset's data on the GPU; 0: 32 MiB."},
+        {"ram-budget", 0, HW_OPTION_BYTES, &options.ram_budget, "BYTES", NULL, 0, 0,
+         "Memory for data on their way to the GPU; 0: 10 MiB."},
         {"no-images", 0, HW_OPTION_FLAG, &options.no_images, NULL, NULL, 0, 0,
          "Write no images, only measure."},
         {"video", 0, HW_OPTION_STRING, &options.video, "FILE", NULL, 0, 0,
@@ -133,11 +146,17 @@ static hw_status read_tour(render *r)
 }
 
 // Frame `index` of the tour, or of the video: those lie between the tour's own.
+static double frame_seconds(const render *r, uint64_t index)
+{
+    const hw_tour_frame *frames = r->tour.frames;
+    return options.video ? frames[0].t + (double)index / options.fps : frames[index].t;
+}
+
 static hw_camera frame_camera(const render *r, uint32_t index)
 {
     if (!options.video)
         return hw_tour_camera(&r->tour, index, options.size[0], options.size[1]);
-    hw_tour_frame frame = hw_walker_tour_at(&r->tour, r->tour.frames[0].t + index / options.fps);
+    hw_tour_frame frame = hw_walker_tour_at(&r->tour, frame_seconds(r, index));
     return (hw_camera){.eye = frame.eye,
                        .forward = frame.forward,
                        .up = frame.up,
@@ -171,14 +190,23 @@ static hw_status read_scene(render *r, const char *path)
     return hw_scene_import(scene_path, &r->scene);
 }
 
+static bool prefetches(void)
+{
+    return strcmp(options.prefetch, "on") == 0;
+}
+
 static hw_status make_renderer(render *r, const char *path)
 {
     const hw_context_desc context = {.kind = HW_CONTEXT_OFFSCREEN, .width = 16, .height = 16};
-    const hw_renderer_desc renderer = {.config = r->config,
-                                       .dataset = path,
-                                       .scene = &r->scene,
-                                       .lod_error_px = options.lod_error,
-                                       .streaming = {.gpu_budget = options.gpu_budget}};
+    const hw_renderer_desc renderer = {
+        .config = r->config,
+        .dataset = path,
+        .scene = &r->scene,
+        .lod_error_px = options.lod_error,
+        .streaming = {.loading = prefetches() ? HW_LOADING_SIMULATED : HW_LOADING_WAITS,
+                      .bytes_per_second = options.bandwidth,
+                      .gpu_budget = options.gpu_budget,
+                      .ram_budget = options.ram_budget}};
     HW_TRY(hw_context_create(&context, &r->context));
     HW_TRY(hw_target_create(&r->target, options.size[0], options.size[1],
                             options.samples[0] == '4' ? 4 : 1));
@@ -246,6 +274,7 @@ static hw_status draw_frame(render *r, uint32_t frame)
     f->triangles += stats.triangles;
     f->triangles_max = stats.triangles > f->triangles_max ? stats.triangles : f->triangles_max;
     f->draws += stats.draws;
+    f->missing += stats.stream.missing > 0;
     count_load(f, &load);
     count_load(f, &stats);
     if (r->video)
@@ -276,6 +305,9 @@ static hw_status draw_frames(render *r)
             goto out;
         }
         HW_GO(draw_frame(r, (uint32_t)frame));
+        if (frame + step < r->end)
+            hw_renderer_advance(r->renderer,
+                                frame_seconds(r, frame + step) - frame_seconds(r, frame));
         hw_progress_add(progress, 1);
     }
 out:
@@ -348,6 +380,7 @@ static hw_status report(render *r)
     hw_json_add_number(load, "bytes", (double)f->load_bytes);
     hw_json_add_number(load, "stalls", (double)f->stalls);
     hw_json_add_number(load, "seconds", f->load_ms / 1000);
+    hw_json_add_number(load, "frames_missing", (double)f->missing);
     hw_status status = hw_json_write(options.json, json);
     cJSON_Delete(json);
     return status;
