@@ -32,7 +32,7 @@ video() {
     if [[ $code -eq 0 ]]; then
         grep -qE -- "$pattern" out
     else
-        tail -1 err | grep -qE -- "$pattern"
+        grep -E "^hexwalk: " err | tail -1 | grep -qE -- "$pattern"
     fi
 }
 
