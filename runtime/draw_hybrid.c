@@ -66,6 +66,7 @@ typedef struct hybrid {
     far_program far_opaque, far_cut_out;
     hw_gpu_buffer far_uniforms;
     hw_gpu_pace pace;
+    hw_debug_view debug;
     // Scratch for the near objects and far records of a frame's cells; capacities in items.
     size_t near_capacity, far_capacity;
     uint32_t *visible;
@@ -579,12 +580,14 @@ static hw_status begin_frame(hybrid *h, const hw_camera *camera, hw_frame_stats 
 {
     double start = hw_clock_ms();
     hw_store_stats before = hw_store_get_stats(h->store);
+    const hw_camera *culling = hw_debug_culling_camera(&h->debug, camera);
+    hw_mat4 culling_matrix = hw_camera_view_projection(culling);
     view->matrix = hw_camera_view_projection(camera);
-    view->frustum = hw_frustum_make(&view->matrix);
-    begin_loading(h, camera);
-    hw_status status = find_cells(h, camera, stats, view->cells);
+    view->frustum = hw_frustum_make(&culling_matrix);
+    begin_loading(h, culling);
+    hw_status status = find_cells(h, culling, stats, view->cells);
     if (status == HW_OK)
-        status = choose_near(h, view->cells[0]->records, camera, &view->frustum, stats,
+        status = choose_near(h, view->cells[0]->records, culling, &view->frustum, stats,
                              &view->near_count);
     put_stream_stats(h, &before, stats);
     if (stats->stalls)
@@ -615,15 +618,24 @@ static hw_status hybrid_draw(void *state, const hw_camera *camera, hw_frame_stat
     hw_ground_gl_begin();
     hw_ground_gl_draw(&h->ground, &view.matrix, stats);
     hw_gpu_pace_flush(&h->pace);
+    hw_debug_tint(&h->debug, HW_REPRESENTATION_NEAR);
     draw_near(h, view.near_count, &view.matrix, stats);
+    hw_debug_tint(&h->debug, HW_REPRESENTATION_SVMESH);
     draw_far(h, view.cells, &view.matrix, &view.frustum, stats);
     glBindVertexArray(0);
     stats->triangles += stats->near_triangles + stats->far_triangles;
     return HW_OK;
 }
 
+static void hybrid_set_debug_view(void *state, const hw_debug_view *view)
+{
+    hybrid *h = state;
+    h->debug = *view;
+}
+
 const hw_renderer_backend hw_draw_hybrid = {.create = hybrid_create,
                                             .destroy = hybrid_destroy,
                                             .prepare = hybrid_prepare,
                                             .draw = hybrid_draw,
+                                            .set_debug_view = hybrid_set_debug_view,
                                             .advance = hybrid_advance};

@@ -765,6 +765,69 @@ static void test_failing_allocations(void **state)
     }
 }
 
+// ---- debug views --------------------------------------------------------------------------------
+
+static bool is_tinted(const uint8_t *plain, const uint8_t *tinted, const float *color)
+{
+    for (int k = 0; k < 3; k++)
+        if (fabs(plain[k] * (double)color[k] - tinted[k]) > 1.5)
+            return false;
+    return true;
+}
+
+// Every object's pixel is its own colour times that of near objects or of SVMeshes; both occur.
+static void test_tints(void **state)
+{
+    const fixture *f = *state;
+    hw_renderer *renderer = open_renderer(f);
+    hw_camera camera = view(f, 0, 0, 0);
+    hw_image plain = render(f, renderer, &camera, NULL);
+    hw_renderer_set_debug_view(renderer, &(hw_debug_view){.tint = true});
+    hw_image tinted = render(f, renderer, &camera, NULL);
+    uint32_t near = 0, far = 0;
+    for (size_t i = 0; i < (size_t)SIZE * SIZE; i++) {
+        const uint8_t *a = plain.data + 4 * i, *b = tinted.data + 4 * i;
+        assert_int_equal(a[3], b[3]);
+        if (a[3] == 0) {
+            assert_memory_equal(a, b, 3);
+            continue;
+        }
+        bool is_near = is_tinted(a, b, hw_representation_color(HW_REPRESENTATION_NEAR));
+        bool is_far = is_tinted(a, b, hw_representation_color(HW_REPRESENTATION_SVMESH));
+        assert_true(is_near || is_far);
+        near += is_near && !is_far;
+        far += is_far && !is_near;
+    }
+    assert_true(near > 500 && far > 500);
+    hw_image_free(&plain);
+    hw_image_free(&tinted);
+    hw_renderer_destroy(renderer);
+}
+
+// From another cell, and looking back: what is drawn is still what was chosen at home.
+static void test_frozen(void **state)
+{
+    const fixture *f = *state;
+    hw_renderer *renderer = open_renderer(f);
+    hw_camera home = view(f, 0, 0, 0), away = view(f, 0, 0, 0);
+    away.eye = hw_v3_add(away.eye, hw_v3(0, -2 * (float)f->manifest.grid.cell_size, 0));
+    away.forward = hw_v3_scale(away.forward, -1);
+    hw_frame_stats at_home, frozen, thawed;
+    hw_image image = render(f, renderer, &home, &at_home);
+    hw_image_free(&image);
+    hw_renderer_set_debug_view(renderer, &(hw_debug_view){.frozen = true, .camera = home});
+    image = render(f, renderer, &away, &frozen);
+    hw_image_free(&image);
+    assert_int_equal(frozen.triangles, at_home.triangles);
+    assert_true(frozen.cell_q == at_home.cell_q && frozen.cell_r == at_home.cell_r);
+    hw_renderer_set_debug_view(renderer, &(hw_debug_view){0});
+    image = render(f, renderer, &away, &thawed);
+    hw_image_free(&image);
+    assert_true(thawed.triangles < at_home.triangles);
+    assert_true(thawed.cell_r != at_home.cell_r);
+    hw_renderer_destroy(renderer);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -777,6 +840,8 @@ int main(void)
         cmocka_unit_test(test_broken_files),
         cmocka_unit_test(test_cells_that_do_not_belong),
         cmocka_unit_test(test_failing_allocations),
+        cmocka_unit_test(test_tints),
+        cmocka_unit_test(test_frozen),
     };
     return cmocka_run_group_tests_name("draw_hybrid", tests, open_fixture, close_fixture);
 }
