@@ -14,7 +14,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-#define JOBS_MAX       3u // reads going on at a time
+#define JOBS_MAX       2u // reads going on at a time
 #define WISHES_MAX     4096u
 #define RESULTS_MAX    64u
 #define DISPOSALS_MAX  4096u
