@@ -50,6 +50,7 @@ void hw_memory_trim(void)
 {
 #ifdef __GLIBC__
     (void)mallopt(M_MMAP_THRESHOLD, 128 * 1024);
+    (void)mallopt(M_ARENA_MAX, 2);
     (void)malloc_trim(0);
 #endif
 }

@@ -14,6 +14,7 @@
 #define WEIGHT_FRUSTUM 0.08
 #define CLOSE_CELLS    0.4  // the distance, in cell sizes, at which half of the first is left
 #define PRIORITY_HERE  0.95 // the viewer's own cell
+#define PRIORITY_MUST  0.96 // without which it cannot be drawn
 #define PRIORITY_LACK  0.99 // what the present frame lacks
 
 #define CELLS_GPU_SHARE 0.8  // of the GPU's budget
@@ -325,7 +326,7 @@ static void plan_levels(hw_prefetch *p, const candidate *c, uint32_t object_idx,
     }
     // The coarsest, to fall back on.
     e.key.level = table->level_count - 1;
-    e.priority = c->priority;
+    e.priority = c->priority < PRIORITY_HERE ? c->priority : PRIORITY_MUST;
     e.gpu_bytes = table->gpu_bytes[e.key.level];
     plan(p->near, &p->near_count, PLAN_NEAR_MAX, &e);
 }
@@ -343,7 +344,7 @@ static void plan_near(hw_prefetch *p, double focal_px)
             uint32_t object_idx = records->near[k].object_idx;
             int32_t texture = p->manifest->objects[object_idx].texture_idx;
             plan_entry e = {.key = {HW_DATA_TEXTURE, (uint32_t)texture, 0},
-                            .priority = c->priority};
+                            .priority = c->priority < PRIORITY_HERE ? c->priority : PRIORITY_MUST};
             plan_levels(p, c, object_idx, focal_px);
             if (texture >= 0)
                 plan(p->near, &p->near_count, PLAN_NEAR_MAX, &e);
@@ -356,10 +357,11 @@ static void want_near(hw_prefetch *p, uint64_t cell_bytes)
 {
     uint64_t bytes = cell_bytes, budget = hw_store_gpu_budget(p->store);
     for (uint32_t i = 0; i < p->near_count; i++) {
+        bool must = p->near[i].priority >= PRIORITY_MUST;
         bytes += p->near[i].gpu_bytes;
-        if (bytes > budget)
+        if (bytes > budget && !must)
             return;
-        want(p, &p->near[i], HW_PLACE_GPU);
+        want(p, &p->near[i], must ? HW_PLACE_NOW : HW_PLACE_GPU);
     }
 }
 

@@ -570,6 +570,7 @@ static hw_status run(int argc, const char *const *argv)
     hw_status status = HW_OK;
     char error[HW_ERROR_CAPACITY];
     HW_GO(open_input(w, argv[0]));
+    hw_memory_trim();
     HW_GO(open_window(w));
     struct sigaction action = {.sa_handler = on_signal, .sa_flags = SA_RESETHAND};
     sigaction(SIGINT, &action, NULL);
@@ -621,7 +622,7 @@ static uint32_t fill_options(hw_option *out, uint32_t capacity)
          "Read the dataset with at most so many bytes a second, 5M for instance; 0: as fast as it "
          "comes."},
         {"gpu-budget", 0, HW_OPTION_BYTES, &options.gpu_budget, "BYTES", NULL, 0, 0,
-         "Memory for the dataset's data on the GPU; 0: 20 MiB."},
+         "Memory for the dataset's data on the GPU; 0: 18 MiB."},
         {"ram-budget", 0, HW_OPTION_BYTES, &options.ram_budget, "BYTES", NULL, 0, 0,
          "Memory for data on their way to the GPU; 0: 4 MiB."},
         {"frames", 0, HW_OPTION_UINT, &options.frames, "N", NULL, 0, 1e9,
