@@ -24,6 +24,7 @@ typedef struct hw_far_options {
     double edge_length_px;     // T_l of the thesis policy
     double outline_px;         // outline deviation of the chain level at the effective distance
     double interior_px;        // tolerance for patches that face the whole cell (screen policy)
+    double impostor_px;        // objects with a smaller self-occluding error are impostors
     uint32_t capture_side_max; // larger captures make an object near
     uint32_t capture_samples;  // rays per texel and axis
 } hw_far_options;

@@ -1,5 +1,6 @@
 #include "cell_gpu.h"
 #include "alloc.h"
+#include "block.h"
 #include <math.h>
 #include <string.h>
 
@@ -23,24 +24,30 @@ static hw_status check_cell(const hw_cell *cell, const hw_manifest *manifest, hw
     return HW_OK;
 }
 
-// Sector by sector, in each front to back as seen from the cell centre: order[i].index becomes the
-// record to draw as the i-th.
+static int find_bin(const hw_cell *cell, const hw_far_record *record)
+{
+    hw_vec3 d = hw_v3_sub(hw_box_centre(record->bounds), cell->centre);
+    int sector = (int)((atan2(d.y, d.x) / (2 * HW_PI) + 0.5) * SECTORS) % SECTORS;
+    return sector + (record->cut_out ? SECTORS : 0);
+}
+
+// Opaque records, then cut-out ones; of each, sector by sector, front to back as seen from the cell
+// centre: order[i].index becomes the record to draw as the i-th.
 static void order_records(const hw_cell *cell, hw_cull_item *order, hw_cull_item *scratch)
 {
     for (uint32_t i = 0; i < cell->far_count; i++)
         order[i] = (hw_cull_item){hw_box_distance(cell->far[i].bounds, cell->centre), i};
     hw_cull_sort(order, cell->far_count, scratch);
-    uint32_t starts[SECTORS + 1] = {0};
+    uint32_t starts[2 * SECTORS + 1] = {0};
     for (int pass = 0; pass < 2; pass++) {
         for (uint32_t i = 0; i < cell->far_count; i++) {
-            hw_vec3 d = hw_v3_sub(hw_box_centre(cell->far[order[i].index].bounds), cell->centre);
-            int sector = (int)((atan2(d.y, d.x) / (2 * HW_PI) + 0.5) * SECTORS) % SECTORS;
+            int bin = find_bin(cell, &cell->far[order[i].index]);
             if (pass == 0)
-                starts[sector + 1]++;
+                starts[bin + 1]++;
             else
-                scratch[starts[sector]++] = order[i];
+                scratch[starts[bin]++] = order[i];
         }
-        for (int s = 0; pass == 0 && s < SECTORS; s++)
+        for (int s = 0; pass == 0 && s < 2 * SECTORS; s++)
             starts[s + 1] += starts[s];
     }
     memcpy(order, scratch, cell->far_count * sizeof *order);
@@ -74,6 +81,7 @@ static hw_status arrange(const hw_cell *cell, hw_cell_data *out)
     for (uint32_t i = 0; i < cell->far_count; i++) {
         const hw_far_record *record = &cell->far[order[i].index];
         records->far[i] = make_draw(cell, record, first);
+        records->opaque_count += !record->cut_out;
         hw_cull_set_put(&records->far_bounds, i, record->bounds);
         for (uint32_t k = 0; k < record->vertex_count; k++)
             out->vertices[record->first_vertex + k].record = (uint16_t)i;
@@ -100,16 +108,18 @@ static hw_status take_near(hw_cell *cell, const hw_manifest *manifest, hw_cell_r
     return HW_OK;
 }
 
-static void take_bulk(hw_cell *cell, hw_cell_data *out)
+static hw_status take_bulk(hw_cell *cell, hw_cell_data *out)
 {
+    size_t bytes = hw_bc3_bytes(cell->atlas_width, cell->atlas_height);
+    HW_TRY(hw_alloc((void **)&out->atlas, bytes, 1));
+    hw_bc3_join(cell->atlas_bc1, cell->coverage_bc4, bytes, out->atlas);
     out->atlas_width = cell->atlas_width;
     out->atlas_height = cell->atlas_height;
-    out->atlas = cell->atlas_bc1;
-    cell->atlas_bc1 = NULL;
     out->vertex_count = cell->vertex_count;
     out->index_count = cell->index_count;
     out->vertices = cell->vertices;
     cell->vertices = NULL;
+    return HW_OK;
 }
 
 hw_status hw_cell_data_make(const hw_manifest *manifest, hw_cell_id id, const char *name,
@@ -122,7 +132,7 @@ hw_status hw_cell_data_make(const hw_manifest *manifest, hw_cell_id id, const ch
     HW_GO(check_cell(&cell, manifest, id, name));
     HW_GO(take_near(&cell, manifest, &out->records));
     if (cell.far_count > 0) {
-        take_bulk(&cell, out);
+        HW_GO(take_bulk(&cell, out));
         HW_GO(arrange(&cell, out));
     }
 out:

@@ -20,6 +20,7 @@ typedef struct hw_far_draw {
 // What a frame needs of a cell's records on the CPU.
 typedef struct hw_cell_records {
     uint32_t near_count, far_count;
+    uint32_t opaque_count; // of the far ones; cut-out ones follow
     hw_near_record *near;
     hw_far_draw *far;
     hw_cull_set near_bounds, far_bounds; // in the order of near and far
@@ -33,7 +34,7 @@ typedef struct hw_cell_data {
     uint32_t vertex_count, index_count, atlas_width, atlas_height;
     hw_far_vertex *vertices; // the record of each is its place in the drawing order
     uint32_t *indices;
-    uint8_t *atlas; // BC1
+    uint8_t *atlas; // BC3
 } hw_cell_data;
 
 // From the bytes of the cell's file; `name` is for messages. Checks against the manifest. On

@@ -46,6 +46,11 @@ typedef struct near_program {
     GLint clip, normal, color;
 } near_program;
 
+typedef struct far_program {
+    GLuint name;
+    GLint first_record;
+} far_program;
+
 typedef struct hybrid {
     hw_gpu_account *account;
     char *dataset;
@@ -58,10 +63,10 @@ typedef struct hybrid {
     double simulated_s;
     hw_ground_gl ground;
     near_program near_plain, near_textured;
-    GLuint far_program;
-    GLint far_first_record;
+    far_program far_opaque, far_cut_out;
     hw_gpu_buffer far_uniforms;
     hw_gpu_pace pace;
+    hw_debug_view debug;
     // Scratch for the near objects and far records of a frame's cells; capacities in items.
     size_t near_capacity, far_capacity;
     uint32_t *visible;
@@ -79,7 +84,8 @@ static void hybrid_destroy(void *state)
     hw_store_destroy(h->store);
     hw_ground_gl_destroy(h->account, &h->ground);
     hw_gpu_buffer_destroy(h->account, &h->far_uniforms);
-    const GLuint programs[] = {h->near_plain.name, h->near_textured.name, h->far_program};
+    const GLuint programs[] = {h->near_plain.name, h->near_textured.name, h->far_opaque.name,
+                               h->far_cut_out.name};
     for (size_t i = 0; i < sizeof programs / sizeof *programs; i++) {
         if (programs[i])
             glDeleteProgram(programs[i]);
@@ -105,13 +111,14 @@ static hw_status make_near_program(const char *defines, near_program *out)
     return HW_OK;
 }
 
-static hw_status make_far_program(hybrid *h)
+#define FAR_DEFINES "#define FAR_PAGE_RECORDS " VALUE(HW_FAR_PAGE_RECORDS) "\n"
+
+static hw_status make_far_program(const char *defines, far_program *out)
 {
-    HW_TRY(hw_gpu_program("far", "#define FAR_PAGE_RECORDS " VALUE(HW_FAR_PAGE_RECORDS) "\n",
-                          hw_shader_far_vert, hw_shader_far_frag, &h->far_program));
-    h->far_first_record = glGetUniformLocation(h->far_program, "u_first_record");
-    GLuint block = glGetUniformBlockIndex(h->far_program, "FarRecords");
-    glUniformBlockBinding(h->far_program, block, 0);
+    HW_TRY(hw_gpu_program("far", defines, hw_shader_far_vert, hw_shader_far_frag, &out->name));
+    out->first_record = glGetUniformLocation(out->name, "u_first_record");
+    GLuint block = glGetUniformBlockIndex(out->name, "FarRecords");
+    glUniformBlockBinding(out->name, block, 0);
     return hw_gpu_check("far program");
 }
 
@@ -199,7 +206,8 @@ static hw_status hybrid_create(const hw_renderer_desc *desc, hw_gpu_account *acc
     HW_GO(hw_ground_gl_create(account, &h->manifest.ground, bounds, &h->ground));
     HW_GO(make_near_program(NULL, &h->near_plain));
     HW_GO(make_near_program("#define TEXTURED\n", &h->near_textured));
-    HW_GO(make_far_program(h));
+    HW_GO(make_far_program(FAR_DEFINES, &h->far_opaque));
+    HW_GO(make_far_program(FAR_DEFINES "#define CUT_OUT\n", &h->far_cut_out));
     *state = h;
     h = NULL;
 out:
@@ -457,15 +465,16 @@ static void draw_range(hybrid *h, const hw_cell_gpu *cell, uint32_t first, uint3
 typedef struct far_list {
     const hw_cell_gpu *cell;
     uint32_t first_page, first_visible, count;
+    uint32_t opaque_count; // of the visible ones, before those cut out
 } far_list;
 
 // Draws the visible records [begin, end) of the list, all of one page.
-static void draw_page(hybrid *h, const far_list *list, uint32_t begin, uint32_t end,
-                      hw_frame_stats *stats)
+static void draw_page(hybrid *h, const far_program *program, const far_list *list, uint32_t begin,
+                      uint32_t end, hw_frame_stats *stats)
 {
     const uint32_t *visible = h->visible + list->first_visible;
     uint32_t page = visible[begin] / HW_FAR_PAGE_RECORDS;
-    glUniform1i(h->far_first_record, (GLint)(page * HW_FAR_PAGE_RECORDS));
+    glUniform1i(program->first_record, (GLint)(page * HW_FAR_PAGE_RECORDS));
     glBindBufferRange(GL_UNIFORM_BUFFER, 0, h->far_uniforms.name,
                       (GLintptr)((list->first_page + page) * PAGE_BYTES), PAGE_BYTES);
     uint32_t start = begin;
@@ -481,11 +490,12 @@ static void draw_page(hybrid *h, const far_list *list, uint32_t begin, uint32_t 
 static far_list list_far(hybrid *h, const hw_cell_gpu *cell, const hw_mat4 *matrix,
                          const hw_frustum *frustum, uint32_t first_page)
 {
-    far_list list = {cell, first_page, first_page * HW_FAR_PAGE_RECORDS, 0};
+    far_list list = {cell, first_page, first_page * HW_FAR_PAGE_RECORDS, 0, 0};
     uint32_t *visible = h->visible + list.first_visible;
     list.count = hw_cull_visible(&cell->records->far_bounds, frustum, visible);
     for (uint32_t i = 0; i < list.count; i++) {
         const hw_far_draw *far = &cell->records->far[visible[i]];
+        list.opaque_count += visible[i] < cell->records->opaque_count;
         far_uniform *uniform = &h->far[list.first_visible + visible[i]];
         hw_mat4 product = hw_mat4_mul(*matrix, far->matrix);
         hw_mat4_to_float(&product, uniform->clip);
@@ -494,24 +504,25 @@ static far_list list_far(hybrid *h, const hw_cell_gpu *cell, const hw_mat4 *matr
     return list;
 }
 
-static void draw_list(hybrid *h, const far_list *list, hw_frame_stats *stats)
+// Draws the visible records [begin, end) of the list, page by page.
+static void draw_list(hybrid *h, const far_program *program, const far_list *list, uint32_t begin,
+                      uint32_t end, hw_frame_stats *stats)
 {
     const uint32_t *visible = h->visible + list->first_visible;
-    if (list->count == 0)
+    if (begin == end)
         return;
     glBindTexture(GL_TEXTURE_2D, list->cell->atlas.name);
     glBindVertexArray(list->cell->array);
-    uint32_t begin = 0;
-    for (uint32_t i = 1; i <= list->count; i++) {
-        if (i < list->count &&
-            visible[i] / HW_FAR_PAGE_RECORDS == visible[begin] / HW_FAR_PAGE_RECORDS)
+    for (uint32_t i = begin + 1; i <= end; i++) {
+        if (i < end && visible[i] / HW_FAR_PAGE_RECORDS == visible[begin] / HW_FAR_PAGE_RECORDS)
             continue;
-        draw_page(h, list, begin, i, stats);
+        draw_page(h, program, list, begin, i, stats);
         begin = i;
     }
 }
 
-// Level by level, near to far; the uniforms of all go up before the first is drawn.
+// What is opaque, then what is cut out, which software GL cannot test for depth early; each level
+// by level, near to far. The uniforms of all go up before the first is drawn.
 static void draw_far(hybrid *h, hw_cell_gpu *const *cells, const hw_mat4 *matrix,
                      const hw_frustum *frustum, hw_frame_stats *stats)
 {
@@ -524,11 +535,14 @@ static void draw_far(hybrid *h, hw_cell_gpu *const *cells, const hw_mat4 *matrix
     }
     if (count == 0)
         return;
-    glUseProgram(h->far_program);
     glBindBuffer(GL_UNIFORM_BUFFER, h->far_uniforms.name);
     glBufferSubData(GL_UNIFORM_BUFFER, 0, (GLsizeiptr)(pages * PAGE_BYTES), h->far);
+    glUseProgram(h->far_opaque.name);
     for (int32_t l = 0; l < h->manifest.grid.levels; l++)
-        draw_list(h, &lists[l], stats);
+        draw_list(h, &h->far_opaque, &lists[l], 0, lists[l].opaque_count, stats);
+    glUseProgram(h->far_cut_out.name);
+    for (int32_t l = 0; l < h->manifest.grid.levels; l++)
+        draw_list(h, &h->far_cut_out, &lists[l], lists[l].opaque_count, lists[l].count, stats);
 }
 
 // ---- frames ----------------------------------------------------------------------------------
@@ -566,12 +580,14 @@ static hw_status begin_frame(hybrid *h, const hw_camera *camera, hw_frame_stats 
 {
     double start = hw_clock_ms();
     hw_store_stats before = hw_store_get_stats(h->store);
+    const hw_camera *culling = hw_debug_culling_camera(&h->debug, camera);
+    hw_mat4 culling_matrix = hw_camera_view_projection(culling);
     view->matrix = hw_camera_view_projection(camera);
-    view->frustum = hw_frustum_make(&view->matrix);
-    begin_loading(h, camera);
-    hw_status status = find_cells(h, camera, stats, view->cells);
+    view->frustum = hw_frustum_make(&culling_matrix);
+    begin_loading(h, culling);
+    hw_status status = find_cells(h, culling, stats, view->cells);
     if (status == HW_OK)
-        status = choose_near(h, view->cells[0]->records, camera, &view->frustum, stats,
+        status = choose_near(h, view->cells[0]->records, culling, &view->frustum, stats,
                              &view->near_count);
     put_stream_stats(h, &before, stats);
     if (stats->stalls)
@@ -602,15 +618,24 @@ static hw_status hybrid_draw(void *state, const hw_camera *camera, hw_frame_stat
     hw_ground_gl_begin();
     hw_ground_gl_draw(&h->ground, &view.matrix, stats);
     hw_gpu_pace_flush(&h->pace);
+    hw_debug_tint(&h->debug, HW_REPRESENTATION_NEAR);
     draw_near(h, view.near_count, &view.matrix, stats);
+    hw_debug_tint(&h->debug, HW_REPRESENTATION_SVMESH);
     draw_far(h, view.cells, &view.matrix, &view.frustum, stats);
     glBindVertexArray(0);
     stats->triangles += stats->near_triangles + stats->far_triangles;
     return HW_OK;
 }
 
+static void hybrid_set_debug_view(void *state, const hw_debug_view *view)
+{
+    hybrid *h = state;
+    h->debug = *view;
+}
+
 const hw_renderer_backend hw_draw_hybrid = {.create = hybrid_create,
                                             .destroy = hybrid_destroy,
                                             .prepare = hybrid_prepare,
                                             .draw = hybrid_draw,
+                                            .set_debug_view = hybrid_set_debug_view,
                                             .advance = hybrid_advance};

@@ -201,7 +201,7 @@ bool hw_gpu_has_fast_blocks(void)
 
 uint64_t hw_gpu_atlas_bytes(uint32_t width, uint32_t height, bool blocks)
 {
-    return blocks ? hw_bc1_bytes(width, height) : (uint64_t)width * height * 4;
+    return blocks ? hw_bc3_bytes(width, height) : (uint64_t)width * height * 4;
 }
 
 hw_status hw_gpu_atlas_create(hw_gpu_account *account, uint32_t width, uint32_t height, bool blocks,
@@ -212,7 +212,7 @@ hw_status hw_gpu_atlas_create(hw_gpu_account *account, uint32_t width, uint32_t 
     uint64_t bytes = hw_gpu_atlas_bytes(width, height, blocks);
     texture_begin(out, GL_CLAMP_TO_EDGE, GL_LINEAR);
     if (blocks)
-        glCompressedTexImage2D(GL_TEXTURE_2D, 0, GL_COMPRESSED_RGB_S3TC_DXT1_EXT, (GLsizei)width,
+        glCompressedTexImage2D(GL_TEXTURE_2D, 0, GL_COMPRESSED_RGBA_S3TC_DXT5_EXT, (GLsizei)width,
                                (GLsizei)height, 0, (GLsizei)bytes, NULL);
     else
         glTexImage2D(GL_TEXTURE_2D, 0, GL_RGBA8, (GLsizei)width, (GLsizei)height, 0, GL_RGBA,

@@ -134,8 +134,12 @@ static hw_status copy_table(const hw_mesh_file *file, uint32_t mesh, hw_mesh_tab
 static hw_status decode_level(hw_loader *l, hw_data_key key, const hw_block *block,
                               hw_near_data *out)
 {
+    const hw_mesh_file *table = l->tables[key.index];
     hw_mesh mesh = {0};
-    HW_TRY(hw_mesh_file_decode(l->tables[key.index], key.level, block->data, block->size, &mesh));
+    // Another level of the file may have been found damaged meanwhile: the table went with it.
+    if (!table || key.level >= hw_mesh_file_level_count(table))
+        return hw_fail(HW_FORMAT, "mesh %u: has changed", key.index);
+    HW_TRY(hw_mesh_file_decode(table, key.level, block->data, block->size, &mesh));
     hw_status status = hw_near_data_make(&mesh, out);
     hw_mesh_free(&mesh);
     return status;

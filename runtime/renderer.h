@@ -3,6 +3,7 @@
 // objects; the context must be current and outlive it.
 #pragma once
 #include "camera.h"
+#include "debug_view.h"
 #include "scene.h"
 #include "status.h"
 
@@ -68,6 +69,8 @@ HW_MUST_USE hw_status hw_renderer_prepare(hw_renderer *renderer, const hw_camera
 // alpha 0.
 HW_MUST_USE hw_status hw_renderer_draw(hw_renderer *renderer, const hw_camera *camera,
                                        hw_frame_stats *stats);
+// How the following frames are drawn; a zeroed view, as at first, is the plain picture.
+void hw_renderer_set_debug_view(hw_renderer *renderer, const hw_debug_view *view);
 // Simulated time (HW_LOADING_SIMULATED...) goes on by dt_s seconds, during which the prefetcher
 // works beside the frames.
 void hw_renderer_advance(hw_renderer *renderer, double dt_s);

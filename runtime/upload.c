@@ -30,7 +30,7 @@ static uint64_t row_bytes(const hw_upload_part *p)
 {
     switch (p->format) {
     case HW_UPLOAD_BLOCKS:
-        return hw_bc1_bytes(p->width, 4);
+        return hw_bc3_bytes(p->width, 4);
     case HW_UPLOAD_DECODED_BLOCKS:
         return (uint64_t)p->width * 16;
     default:
@@ -47,7 +47,7 @@ static void send_pixels(const hw_upload_part *p, uint64_t row, uint64_t rows, co
 static void send_decoded(const hw_upload_part *p, uint64_t row)
 {
     static uint8_t rgba[HW_UPLOAD_WIDTH_MAX * 16]; // of the GL thread
-    hw_bc1_decode(p->data + row * hw_bc1_bytes(p->width, 4), p->width, 4, rgba);
+    hw_bc3_decode(p->data + row * hw_bc3_bytes(p->width, 4), p->width, 4, rgba);
     send_pixels(p, row * 4, 4, rgba);
 }
 
@@ -58,7 +58,7 @@ static void send_rows(const hw_upload_part *p, uint64_t first, uint64_t rows)
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
     if (p->format == HW_UPLOAD_BLOCKS)
         glCompressedTexSubImage2D(GL_TEXTURE_2D, 0, 0, (GLint)first * 4, (GLsizei)p->width,
-                                  (GLsizei)rows * 4, GL_COMPRESSED_RGB_S3TC_DXT1_EXT,
+                                  (GLsizei)rows * 4, GL_COMPRESSED_RGBA_S3TC_DXT5_EXT,
                                   (GLsizei)(rows * row), p->data + first * row);
     else if (p->format == HW_UPLOAD_RGBA)
         send_pixels(p, first, rows, p->data + first * row);

@@ -7,8 +7,8 @@
 // What a texture's data are.
 typedef enum hw_upload_format {
     HW_UPLOAD_RGBA,           // mipmaps are made at the end
-    HW_UPLOAD_BLOCKS,         // BC1, for a texture of BC1
-    HW_UPLOAD_DECODED_BLOCKS, // BC1, for a texture of RGBA
+    HW_UPLOAD_BLOCKS,         // BC3, for a texture of BC3
+    HW_UPLOAD_DECODED_BLOCKS, // BC3, for a texture of RGBA
 } hw_upload_format;
 
 typedef struct hw_upload_part {

@@ -87,6 +87,8 @@ static uint64_t stream_write_cell(const stream_dataset *d, hw_cell_id id)
         image.data[i] = (uint8_t)hw_rng_below(&rng, 256); // does not compress
     assert_ok(HW_NEW(&cell.atlas_bc1, hw_bc1_bytes(STREAM_ATLAS, STREAM_ATLAS)));
     hw_bc1_encode(&image, cell.atlas_bc1);
+    assert_ok(HW_NEW(&cell.coverage_bc4, hw_bc1_bytes(STREAM_ATLAS, STREAM_ATLAS)));
+    memset(cell.coverage_bc4, 255, hw_bc1_bytes(STREAM_ATLAS, STREAM_ATLAS));
     hw_image_free(&image);
     assert_ok(hw_cell_path(&path, d->folder, id));
     assert_ok(hw_cell_write(&cell, path));
