@@ -472,6 +472,8 @@ static bool count_cell(build *b, hw_cell_id id, hw_manifest_cell *out)
 {
     static const uint32_t mesh_tags[] = {HW_FOURCC('V', 'E', 'R', 'T'),
                                          HW_FOURCC('I', 'N', 'D', 'X')};
+    static const uint32_t texture_tags[] = {HW_FOURCC('A', 'T', 'L', 'S'),
+                                            HW_FOURCC('C', 'O', 'V', 'R')};
     char *path = NULL;
     hw_container *container = NULL;
     size_t raw, stored;
@@ -481,12 +483,12 @@ static bool count_cell(build *b, hw_cell_id id, hw_manifest_cell *out)
     if (good) {
         *out = (hw_manifest_cell){id, hw_container_bytes(container)};
         b->report->bytes += out->bytes;
-        for (int i = 0; i < 2; i++)
+        for (int i = 0; i < 2; i++) {
             if (hw_container_chunk_size(container, mesh_tags[i], 0, &raw, &stored) == HW_OK)
                 b->report->mesh_bytes += stored;
-        if (hw_container_chunk_size(container, HW_FOURCC('A', 'T', 'L', 'S'), 0, &raw, &stored) ==
-            HW_OK)
-            b->report->texture_bytes += stored;
+            if (hw_container_chunk_size(container, texture_tags[i], 0, &raw, &stored) == HW_OK)
+                b->report->texture_bytes += stored;
+        }
     }
     hw_container_close(container);
     hw_free(path);
