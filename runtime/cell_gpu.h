@@ -59,9 +59,9 @@ typedef struct hw_cell_gpu {
     hw_gpu_texture atlas;
 } hw_cell_gpu;
 
-// Makes the GL objects; *upload is to fill them. Borrows the data: its records until
-// hw_cell_gpu_free, the rest until the upload has gone through. On failure *out is zeroed. GL
-// thread only, as is the next.
+// Makes the GL objects, the atlas of blocks or of RGBA; *upload is to fill them. Borrows the data:
+// its records until hw_cell_gpu_free, the rest until the upload has gone through. On failure *out
+// is zeroed. GL thread only, as is the next.
 HW_MUST_USE hw_status hw_cell_gpu_create(hw_gpu_account *account, const hw_cell_data *data,
-                                         hw_cell_gpu *out, hw_upload *upload);
+                                         bool blocks, hw_cell_gpu *out, hw_upload *upload);
 void hw_cell_gpu_free(hw_gpu_account *account, hw_cell_gpu *cell);

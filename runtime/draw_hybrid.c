@@ -201,11 +201,12 @@ static hw_status make_loading(hybrid *h, const hw_streaming *streaming)
     HW_TRY(hw_store_create(&desc, &h->store));
     if (loading == HW_LOADING_AHEAD || loading == HW_LOADING_SIMULATED)
         HW_TRY(hw_prefetch_create(h->store, &h->manifest, h->stretch, &h->prefetch));
-    // Of most datasets' cells none has more records than there are objects.
+    // Of most datasets' cells none has more records than there are objects; two cells are drawn
+    // while one dissolves into the other.
     size_t records = h->manifest.object_count;
-    records = records < SCRATCH_RECORDS_MAX ? records : SCRATCH_RECORDS_MAX;
+    records = 2 * (records < SCRATCH_RECORDS_MAX ? records : SCRATCH_RECORDS_MAX);
     return reserve_scratch(h, records,
-                           records + (size_t)h->manifest.grid.levels * HW_FAR_PAGE_RECORDS);
+                           records + 2 * (size_t)h->manifest.grid.levels * HW_FAR_PAGE_RECORDS);
 }
 
 static hw_status hybrid_create(const hw_renderer_desc *desc, hw_gpu_account *account, void **state)
@@ -394,16 +395,19 @@ static hw_status find_own_cells(hybrid *h, const hw_camera *camera, hw_cell_id i
 // The cells beyond a border that the viewer is close to, if the dataset has them; with prefetching,
 // if they are there already.
 static hw_status find_other_cells(hybrid *h, const hw_camera *camera, hw_cell_id id,
-                                  frame_cells *out)
+                                  hw_frame_stats *stats, frame_cells *out)
 {
     uint32_t index;
     out->share = 0;
     if (h->debug.hard || h->debug.frozen)
         return HW_OK;
     hw_crossing c = hw_crossing_at(&h->manifest.grid, id, camera->eye, h->crossing_width);
-    if (c.share == 0 || !hw_store_find_cell(h->store, c.other, &index) ||
-        (h->prefetch && !is_chain_ready(h, c.other, out->other)))
+    if (c.share == 0 || !hw_store_find_cell(h->store, c.other, &index))
         return HW_OK;
+    if (h->prefetch && !is_chain_ready(h, c.other, out->other)) {
+        stats->stream.missing++;
+        return HW_OK;
+    }
     if (!h->prefetch)
         HW_TRY(need_chain(h, c.other, out->other));
     use_cells(h, out->other);
@@ -418,7 +422,7 @@ static hw_status find_cells(hybrid *h, const hw_camera *camera, hw_frame_stats *
     HW_TRY(find_own_cells(h, camera, id, stats, out->own));
     out->share = 0;
     if (!stats->stream.late_cells)
-        HW_TRY(find_other_cells(h, camera, id, out));
+        HW_TRY(find_other_cells(h, camera, id, stats, out));
     size_t near = 0, far = 0;
     hw_cell_gpu *const *chains[2] = {out->own, out->share > 0 ? out->other : NULL};
     for (int i = 0; i < 2 && chains[i]; i++) {
@@ -677,12 +681,11 @@ static hw_status choose_all_near(hybrid *h, const hw_camera *camera, hw_frame_st
     const hw_cell_records *own = view->cells.own[0]->records;
     const hw_cell_records *other = view->cells.share > 0 ? view->cells.other[0]->records : NULL;
     view->near_count = 0;
-    HW_TRY(choose_near(h, own, other, HW_FADE_OUT, camera, &view->frustum, stats,
-                       &view->near_count));
+    HW_TRY(
+        choose_near(h, own, other, HW_FADE_OUT, camera, &view->frustum, stats, &view->near_count));
     if (!other)
         return HW_OK;
-    return choose_near(h, other, own, HW_FADE_IN, camera, &view->frustum, stats,
-                       &view->near_count);
+    return choose_near(h, other, own, HW_FADE_IN, camera, &view->frustum, stats, &view->near_count);
 }
 
 static void put_stream_stats(const hybrid *h, const hw_store_stats *before, hw_frame_stats *stats)
