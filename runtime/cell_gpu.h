@@ -14,7 +14,16 @@ typedef struct hw_far_draw {
     hw_mat4 matrix;   // world <- image space
     float texture[4]; // uv = texture.xy + (x, y) * texture.zw
     uint32_t first_index, index_count;
+    // Of MVMeshes: captures, its own first; ranges of its indices; where the object's middle is.
+    uint32_t first_view, view_count, first_range, range_count;
+    hw_vec3 middle;
 } hw_far_draw;
+
+// A capture of an MVMesh.
+typedef struct hw_far_view_draw {
+    hw_vec3 eye;
+    float texture[16]; // (u w, v w, 0, w) <- image space of the record, column-major
+} hw_far_view_draw;
 
 typedef struct hw_cell_gpu {
     hw_cell_id id;
@@ -23,10 +32,13 @@ typedef struct hw_cell_gpu {
     uint64_t gpu_bytes, file_bytes;
     uint32_t near_count, far_count;
     hw_near_record *near;
-    hw_far_draw *far;
+    hw_far_draw *far; // MVMeshes first
+    uint32_t multi_count;
+    hw_far_view_draw *views;
+    hw_far_range *ranges;
     hw_cull_set near_bounds, far_bounds; // in the order of near and far
     GLuint array;
-    hw_gpu_buffer vertices, indices;
+    hw_gpu_buffer vertices, indices, colors;
     hw_gpu_texture atlas;
 } hw_cell_gpu;
 

@@ -2,6 +2,7 @@
 // (projective-alike texture mapping, thesis 5.2.2).
 #include "alloc.h"
 #include "cell_gpu.h"
+#include "far_views.h"
 #include "ground.h"
 #include "hierarchy.h"
 #include "near_meshes.h"
@@ -55,6 +56,7 @@ typedef struct hybrid {
     uint64_t frame; // counts prepares and draws
     hw_ground_gl ground;
     near_program near_plain, near_textured;
+    hw_far_views_gl far_views;
     GLuint far_program;
     GLint far_first_record;
     hw_gpu_buffer far_uniforms;
@@ -77,6 +79,7 @@ static void hybrid_destroy(void *state)
     hw_near_meshes_destroy(h->meshes);
     hw_ground_gl_destroy(h->account, &h->ground);
     hw_gpu_buffer_destroy(h->account, &h->far_uniforms);
+    hw_far_views_gl_destroy(&h->far_views);
     const GLuint programs[] = {h->near_plain.name, h->near_textured.name, h->far_program};
     for (size_t i = 0; i < sizeof programs / sizeof *programs; i++) {
         if (programs[i])
@@ -141,6 +144,7 @@ static hw_status hybrid_create(const hw_renderer_desc *desc, hw_gpu_account *acc
     HW_GO(make_near_program(NULL, &h->near_plain));
     HW_GO(make_near_program("#define TEXTURED\n", &h->near_textured));
     HW_GO(make_far_program(h));
+    HW_GO(hw_far_views_gl_create(&h->far_views));
     *state = h;
     h = NULL;
 out:
@@ -348,6 +352,7 @@ static void draw_range(hybrid *h, const hw_cell_gpu *cell, uint32_t first, uint3
 typedef struct far_list {
     const hw_cell_gpu *cell;
     uint32_t first_page, first_visible, count;
+    uint32_t multi_count; // the first of them are MVMeshes
 } far_list;
 
 // Draws the visible records [begin, end) of the list, all of one page.
@@ -372,10 +377,12 @@ static void draw_page(hybrid *h, const far_list *list, uint32_t begin, uint32_t 
 static far_list list_far(hybrid *h, const hw_cell_gpu *cell, const hw_mat4 *matrix,
                          const hw_frustum *frustum, uint32_t first_page)
 {
-    far_list list = {cell, first_page, first_page * HW_FAR_PAGE_RECORDS, 0};
+    far_list list = {cell, first_page, first_page * HW_FAR_PAGE_RECORDS, 0, 0};
     uint32_t *visible = h->visible + list.first_visible;
     list.count = hw_cull_visible(&cell->far_bounds, frustum, visible);
-    for (uint32_t i = 0; i < list.count; i++) {
+    while (list.multi_count < list.count && visible[list.multi_count] < cell->multi_count)
+        list.multi_count++;
+    for (uint32_t i = list.multi_count; i < list.count; i++) {
         const hw_far_draw *far = &cell->far[visible[i]];
         far_uniform *uniform = &h->far[list.first_visible + visible[i]];
         hw_mat4 product = hw_mat4_mul(*matrix, far->matrix);
@@ -385,15 +392,21 @@ static far_list list_far(hybrid *h, const hw_cell_gpu *cell, const hw_mat4 *matr
     return list;
 }
 
-static void draw_list(hybrid *h, const far_list *list, hw_frame_stats *stats)
+static void draw_list(hybrid *h, const far_list *list, const hw_far_views_frame *views,
+                      hw_frame_stats *stats)
 {
     const uint32_t *visible = h->visible + list->first_visible;
     if (list->count == 0)
         return;
     glBindTexture(GL_TEXTURE_2D, list->cell->atlas.name);
     glBindVertexArray(list->cell->array);
-    uint32_t begin = 0;
-    for (uint32_t i = 1; i <= list->count; i++) {
+    for (uint32_t i = 0; i < list->multi_count; i++)
+        hw_far_views_gl_draw(&h->far_views, views, list->cell, visible[i]);
+    if (list->count == list->multi_count)
+        return;
+    glUseProgram(h->far_program);
+    uint32_t begin = list->multi_count;
+    for (uint32_t i = begin + 1; i <= list->count; i++) {
         if (i < list->count &&
             visible[i] / HW_FAR_PAGE_RECORDS == visible[begin] / HW_FAR_PAGE_RECORDS)
             continue;
@@ -403,9 +416,10 @@ static void draw_list(hybrid *h, const far_list *list, hw_frame_stats *stats)
 }
 
 // Level by level, near to far; the uniforms of all go up before the first is drawn.
-static void draw_far(hybrid *h, hw_cell_gpu *const *cells, const hw_mat4 *matrix,
-                     const hw_frustum *frustum, hw_frame_stats *stats)
+static void draw_far(hybrid *h, hw_cell_gpu *const *cells, const hw_camera *camera,
+                     const hw_mat4 *matrix, const hw_frustum *frustum, hw_frame_stats *stats)
 {
+    hw_far_views_frame views = {matrix, camera->eye, &h->pace, stats};
     far_list lists[HW_CELL_LEVELS_MAX];
     uint32_t pages = 0, count = 0;
     for (int32_t l = 0; l < h->manifest.grid.levels; l++) {
@@ -415,11 +429,10 @@ static void draw_far(hybrid *h, hw_cell_gpu *const *cells, const hw_mat4 *matrix
     }
     if (count == 0)
         return;
-    glUseProgram(h->far_program);
     glBindBuffer(GL_UNIFORM_BUFFER, h->far_uniforms.name);
     glBufferSubData(GL_UNIFORM_BUFFER, 0, (GLsizeiptr)(pages * PAGE_BYTES), h->far);
     for (int32_t l = 0; l < h->manifest.grid.levels; l++)
-        draw_list(h, &lists[l], stats);
+        draw_list(h, &lists[l], &views, stats);
 }
 
 // ---- frames ----------------------------------------------------------------------------------
@@ -462,7 +475,7 @@ static hw_status hybrid_draw(void *state, const hw_camera *camera, hw_frame_stat
     hw_ground_gl_draw(&h->ground, &view.matrix, stats);
     hw_gpu_pace_flush(&h->pace);
     draw_near(h, view.near_count, &view.matrix, stats);
-    draw_far(h, view.cells, &view.matrix, &view.frustum, stats);
+    draw_far(h, view.cells, camera, &view.matrix, &view.frustum, stats);
     glBindVertexArray(0);
     stats->triangles += stats->near_triangles + stats->far_triangles;
     return HW_OK;

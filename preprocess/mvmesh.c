@@ -1,0 +1,376 @@
+#include "mvmesh.h"
+#include "alloc.h"
+#include <math.h>
+#include <meshoptimizer.h>
+#include <string.h>
+
+// A capture serves a triangle if it shows it at this fraction, at least, of the area it has in the
+// capture that shows it largest.
+#define AREA_FRACTION 0.15
+// ... and if at most this fraction of its texels show something in front of it.
+#define HIDDEN_FRACTION 0.1
+// What is in front by less parallax than this, beyond the tolerance of the simplification, is the
+// triangle's own surface.
+#define HIDDEN_PX 1.5
+// How far from the mesh its original is looked for, in pixels at the effective distance.
+#define COLOR_REACH_PX 16.0
+
+// One capture at work.
+typedef struct view {
+    hw_vec3 eye;
+    int face;
+    hw_capture_window window;
+    const hw_capture *capture;
+    double (*points)[3]; // per vertex: texels of the window, inverse depth
+} view;
+
+typedef struct work {
+    const hw_svmesh_job *job;
+    hw_svmesh *mesh;
+    hw_vec3 *world; // per vertex
+    view views[HW_FAR_VIEWS_MAX];
+    uint32_t view_count;
+    uint32_t *sets; // per triangle: a bit for each view that sees it
+} work;
+
+// ---- points of view --------------------------------------------------------------------------
+
+static double angle_between(const double a[2], const double b[2])
+{
+    return atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1]);
+}
+
+// The cell's corners at half height, in the order in which they widen the range of directions: the
+// outermost to each side, as seen from the object, then those next to them.
+static void order_corners(const hw_svmesh_job *job, hw_vec3 eyes[6])
+{
+    hw_vec3 target = hw_box_centre(job->scene->objects[job->object_idx].bounds);
+    const hw_vec3 centre = job->view->centre;
+    const double middle[2] = {(double)centre.x - target.x, (double)centre.y - target.y};
+    double angles[6];
+    for (int i = 0; i < 6; i++) {
+        eyes[i] = job->view->corners[i];
+        eyes[i].z = centre.z;
+        const double to[2] = {(double)eyes[i].x - target.x, (double)eyes[i].y - target.y};
+        angles[i] = angle_between(middle, to);
+    }
+    for (int i = 0; i < 6; i++) { // leftmost, rightmost, second to the left, ...
+        int best = i;
+        for (int k = i + 1; k < 6; k++)
+            if (i % 2 == 0 ? angles[k] > angles[best] : angles[k] < angles[best])
+                best = k;
+        hw_vec3 eye = eyes[i];
+        double angle = angles[i];
+        eyes[i] = eyes[best];
+        angles[i] = angles[best];
+        eyes[best] = eye;
+        angles[best] = angle;
+    }
+}
+
+// Projects the vertices to the plane of the view; false if one lies behind it.
+static bool project(const work *w, view *v, hw_plane_bounds *bounds)
+{
+    hw_vec3 axis, right, up;
+    hw_face_basis(v->face, &axis, &right, &up);
+    *bounds = (hw_plane_bounds){{INFINITY, INFINITY}, {-INFINITY, -INFINITY}, INFINITY};
+    for (uint32_t i = 0; i < w->mesh->record.vertex_count; i++) {
+        hw_vec3 rel = hw_v3_sub(w->world[i], v->eye);
+        double depth = hw_v3_dot(rel, axis);
+        if (depth < 1e-3)
+            return false;
+        double *p = v->points[i];
+        p[0] = hw_v3_dot(rel, right) / depth;
+        p[1] = hw_v3_dot(rel, up) / depth;
+        p[2] = 1 / depth;
+        for (int k = 0; k < 2; k++) {
+            bounds->min[k] = fmin(bounds->min[k], p[k]);
+            bounds->max[k] = fmax(bounds->max[k], p[k]);
+        }
+        bounds->depth_min = fmin(bounds->depth_min, depth);
+    }
+    return true;
+}
+
+// Points on the plane become texels of the window, as seen in `x_min` ... of it.
+static void to_texels(const work *w, view *v)
+{
+    const hw_capture_window *window = &v->window;
+    double scale_x = window->width / ((double)window->x_max - window->x_min);
+    double scale_y = window->height / ((double)window->y_max - window->y_min);
+    for (uint32_t i = 0; i < w->mesh->record.vertex_count; i++) {
+        v->points[i][0] = (v->points[i][0] - window->x_min) * scale_x;
+        v->points[i][1] = (v->points[i][1] - window->y_min) * scale_y;
+    }
+}
+
+static hw_status add_own_view(work *w)
+{
+    const hw_far_record *r = &w->mesh->record;
+    view *v = &w->views[w->view_count++];
+    hw_plane_bounds unused;
+    HW_TRY(HW_NEW(&v->points, r->vertex_count));
+    v->eye = w->job->view->centre;
+    v->face = w->job->face;
+    v->capture = &w->mesh->capture;
+    float tx = (r->x_max - r->x_min) / (float)r->rect.width * HW_CAPTURE_PADDING;
+    float ty = (r->y_max - r->y_min) / (float)r->rect.height * HW_CAPTURE_PADDING;
+    v->window = (hw_capture_window){v->eye,         v->face,        r->x_min - tx,
+                                    r->x_max + tx,  r->y_min - ty,  r->y_max + ty,
+                                    v->capture->width, v->capture->height};
+    if (!project(w, v, &unused))
+        return hw_fail(HW_INTERNAL, "a far object reaches behind the centre of its cell");
+    to_texels(w, v);
+    return HW_OK;
+}
+
+// Adds the capture from one more point, unless the object lies beside or too close to it.
+static hw_status add_view(work *w, hw_vec3 eye)
+{
+    hw_far_record *r = &w->mesh->record;
+    view *v = &w->views[w->view_count];
+    hw_vec3 towards =
+        hw_v3_sub(hw_box_centre(w->job->scene->objects[w->job->object_idx].bounds), eye);
+    hw_plane_bounds bounds;
+    v->eye = eye;
+    v->face = hw_face_towards(towards.x, towards.y);
+    if (!v->points)
+        HW_TRY(HW_NEW(&v->points, r->vertex_count));
+    if (!project(w, v, &bounds) ||
+        !hw_capture_window_fit(w->job, eye, v->face, &bounds, &v->window))
+        return HW_OK;
+    to_texels(w, v);
+    float range[4];
+    hw_capture *capture = &w->mesh->view_captures[r->view_count];
+    hw_far_view *out = &w->mesh->views[r->view_count];
+    HW_TRY(hw_svmesh_capture(w->job, &v->window, capture));
+    *out = (hw_far_view){.eye = eye, .face = (uint32_t)v->face};
+    hw_capture_window_inner(&v->window, range, &out->rect);
+    out->x_min = range[0];
+    out->x_max = range[1];
+    out->y_min = range[2];
+    out->y_max = range[3];
+    v->capture = capture;
+    r->view_count++;
+    w->view_count++;
+    return HW_OK;
+}
+
+static hw_status add_views(work *w)
+{
+    hw_vec3 eyes[6];
+    uint32_t wanted = w->job->options->multi_view_count - 1;
+    HW_TRY(HW_NEW(&w->mesh->views, HW_FAR_VIEWS_MAX));
+    HW_TRY(HW_NEW(&w->mesh->view_captures, HW_FAR_VIEWS_MAX));
+    HW_TRY(add_own_view(w));
+    order_corners(w->job, eyes);
+    for (uint32_t i = 0; i < 6 && w->mesh->record.view_count < wanted; i++)
+        HW_TRY(add_view(w, eyes[i]));
+    return HW_OK;
+}
+
+// ---- which view sees which triangle ----------------------------------------------------------
+
+// Twice the signed area of a triangle in the view, texels.
+static double area2(const view *v, const uint32_t *t)
+{
+    const double *a = v->points[t[0]], *b = v->points[t[1]], *c = v->points[t[2]];
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+}
+
+// Texels of a triangle, and how many of them show something in front of it.
+typedef struct coverage {
+    uint32_t texels, hidden;
+} coverage;
+
+static void look_at(const view *v, double x, double y, double inverse_depth, double tolerance,
+                    coverage *c)
+{
+    uint32_t i = (uint32_t)fmin(fmax(x, 0), v->capture->width - 1.0);
+    uint32_t j = (uint32_t)fmin(fmax(y, 0), v->capture->height - 1.0);
+    float depth = v->capture->depths[(size_t)j * v->capture->width + i];
+    c->texels++;
+    // Beyond the outline colours were spread from inside it.
+    c->hidden += depth < INFINITY && fabs(1 / (double)depth - inverse_depth) > tolerance;
+}
+
+// The part [*x0, *x1] of the row at y that lies within the triangle.
+static void row_of(const double *const p[3], double y, double *x0, double *x1)
+{
+    *x0 = INFINITY;
+    *x1 = -INFINITY;
+    for (int k = 0; k < 3; k++) {
+        const double *a = p[k], *b = p[(k + 1) % 3];
+        if ((a[1] <= y) == (b[1] <= y))
+            continue;
+        double x = a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0]);
+        *x0 = fmin(*x0, x);
+        *x1 = fmax(*x1, x);
+    }
+}
+
+static coverage cover(const view *v, const uint32_t *t, double area, double tolerance)
+{
+    coverage c = {0, 0};
+    const double *const p[3] = {v->points[t[0]], v->points[t[1]], v->points[t[2]]};
+    // Inverse depth is linear on the plane.
+    double ux = p[1][0] - p[0][0], uy = p[1][1] - p[0][1], uz = p[1][2] - p[0][2];
+    double wx = p[2][0] - p[0][0], wy = p[2][1] - p[0][1], wz = p[2][2] - p[0][2];
+    double dx = (uz * wy - wz * uy) / area, dy = (wz * ux - uz * wx) / area;
+    double low = fmin(p[0][1], fmin(p[1][1], p[2][1]));
+    double high = fmax(p[0][1], fmax(p[1][1], p[2][1]));
+    for (double y = ceil(low - 0.5) + 0.5; y <= high; y++) {
+        double x0, x1;
+        row_of(p, y, &x0, &x1);
+        for (double x = ceil(x0 - 0.5) + 0.5; x <= x1; x++)
+            look_at(v, x, y, p[0][2] + (x - p[0][0]) * dx + (y - p[0][1]) * dy, tolerance, &c);
+    }
+    if (c.texels == 0)
+        look_at(v, (p[0][0] + p[1][0] + p[2][0]) / 3, (p[0][1] + p[1][1] + p[2][1]) / 3,
+                (p[0][2] + p[1][2] + p[2][2]) / 3, tolerance, &c);
+    return c;
+}
+
+static void find_sets(work *w)
+{
+    const hw_cell_view *cell = w->job->view;
+    double tolerance =
+        (w->job->options->multi_interior_px + HIDDEN_PX) / (cell->focal_px * cell->size);
+    for (uint32_t f = 0; f < w->mesh->record.index_count / 3; f++) {
+        const uint32_t *t = w->mesh->indices + 3 * (size_t)f;
+        double areas[HW_FAR_VIEWS_MAX], largest = 0;
+        for (uint32_t k = 0; k < w->view_count; k++) {
+            areas[k] = area2(&w->views[k], t);
+            largest = fmax(largest, areas[k]);
+        }
+        w->sets[f] = 0;
+        for (uint32_t k = 0; k < w->view_count; k++) {
+            if (!(areas[k] > 0) || areas[k] < AREA_FRACTION * largest)
+                continue;
+            coverage c = cover(&w->views[k], t, areas[k], tolerance);
+            if (c.hidden <= HIDDEN_FRACTION * c.texels)
+                w->sets[f] |= 1u << k;
+        }
+    }
+}
+
+// ---- what no view sees -----------------------------------------------------------------------
+
+// The colour of the original near a vertex, looked for along the normal from outside.
+static hw_color8 color_at(const work *w, hw_vec3 position, hw_vec3 normal)
+{
+    hw_color8 color = {128, 128, 128, 255};
+    const hw_svmesh_job *job = w->job;
+    double pixel = job->distance.effective / job->view->focal_px;
+    for (double reach = 1; reach <= COLOR_REACH_PX; reach *= 4) {
+        hw_vec3 step = hw_v3_scale(normal, (float)(reach * pixel));
+        if (hw_capture_point(job->capturer, job->object_idx, hw_v3_add(position, step),
+                             hw_v3_scale(step, -2), &color))
+            break;
+    }
+    return color;
+}
+
+static hw_status add_colors(work *w)
+{
+    hw_status status = HW_OK;
+    const hw_far_record *r = &w->mesh->record;
+    const hw_rays *rays = hw_capturer_rays(w->job->capturer);
+    hw_vec3 *normals = NULL;
+    bool pinned = false, all_seen = true;
+    for (uint32_t f = 0; f < r->index_count / 3; f++)
+        all_seen &= w->sets[f] != 0;
+    if (all_seen)
+        return HW_OK;
+    HW_GO(HW_NEW(&normals, r->vertex_count));
+    HW_GO(HW_NEW(&w->mesh->colors, r->vertex_count));
+    for (uint32_t f = 0; f < r->index_count / 3; f++) {
+        const uint32_t *t = w->mesh->indices + 3 * (size_t)f;
+        hw_vec3 a = w->world[t[0]];
+        hw_vec3 normal =
+            hw_v3_cross(hw_v3_sub(w->world[t[1]], a), hw_v3_sub(w->world[t[2]], a));
+        for (int k = 0; k < 3 && w->sets[f] == 0; k++)
+            normals[t[k]] = hw_v3_add(normals[t[k]], normal);
+    }
+    HW_GO(hw_rays_pin(rays, w->job->object_idx));
+    pinned = true;
+    for (uint32_t i = 0; i < r->vertex_count; i++)
+        if (hw_v3_length(normals[i]) > 0)
+            w->mesh->colors[i] = color_at(w, w->world[i], hw_v3_normalize(normals[i]));
+out:
+    if (pinned)
+        hw_rays_unpin(rays, w->job->object_idx);
+    hw_free(normals);
+    return status;
+}
+
+// ---- ranges ----------------------------------------------------------------------------------
+
+// Sorts the triangles by their sets, those of more views first.
+static hw_status sort_triangles(work *w)
+{
+    hw_status status = HW_OK;
+    hw_svmesh *mesh = w->mesh;
+    hw_far_record *r = &mesh->record;
+    uint32_t *sorted = NULL, n = 0, set_count = 1u << w->view_count;
+    HW_GO(HW_NEW(&sorted, r->index_count));
+    HW_GO(HW_NEW(&mesh->ranges, set_count));
+    for (uint32_t set = set_count; set-- > 0;) {
+        uint32_t first = n;
+        for (uint32_t f = 0; f < r->index_count / 3; f++) {
+            if (w->sets[f] != set)
+                continue;
+            memcpy(sorted + n, mesh->indices + 3 * (size_t)f, 3 * sizeof *sorted);
+            n += 3;
+        }
+        if (n == first)
+            continue;
+        mesh->ranges[r->range_count++] = (hw_far_range){set, n - first};
+        meshopt_optimizeVertexCacheStrip(sorted + first, sorted + first, n - first,
+                                         r->vertex_count); // packs best
+    }
+    memcpy(mesh->indices, sorted, r->index_count * sizeof *sorted);
+out:
+    hw_free(sorted);
+    return status;
+}
+
+// Vertices by first use, with their colours.
+static hw_status sort_vertices(hw_svmesh *mesh)
+{
+    hw_status status = HW_OK;
+    hw_far_record *r = &mesh->record;
+    uint32_t *remap = NULL, n = r->vertex_count;
+    HW_GO(HW_NEW(&remap, n));
+    r->vertex_count =
+        (uint32_t)meshopt_optimizeVertexFetchRemap(remap, mesh->indices, r->index_count, n);
+    meshopt_remapIndexBuffer(mesh->indices, mesh->indices, r->index_count, remap);
+    meshopt_remapVertexBuffer(mesh->vertices, mesh->vertices, n, sizeof *mesh->vertices, remap);
+    if (mesh->colors)
+        meshopt_remapVertexBuffer(mesh->colors, mesh->colors, n, sizeof *mesh->colors, remap);
+out:
+    hw_free(remap);
+    return status;
+}
+
+hw_status hw_mvmesh_add_views(const hw_svmesh_job *job, hw_svmesh *mesh)
+{
+    hw_status status = HW_OK;
+    work w = {.job = job, .mesh = mesh};
+    hw_mat4 matrix = hw_far_record_matrix(&mesh->record, job->view->centre);
+    HW_GO(HW_NEW(&w.world, mesh->record.vertex_count));
+    HW_GO(HW_NEW(&w.sets, mesh->record.index_count / 3));
+    for (uint32_t i = 0; i < mesh->record.vertex_count; i++)
+        w.world[i] = hw_far_vertex_world(&matrix, &mesh->vertices[i]);
+    HW_GO(add_views(&w));
+    find_sets(&w);
+    HW_GO(add_colors(&w));
+    HW_GO(sort_triangles(&w));
+    HW_GO(sort_vertices(mesh));
+out:
+    for (uint32_t i = 0; i < HW_FAR_VIEWS_MAX; i++)
+        hw_free(w.views[i].points);
+    hw_free(w.world);
+    hw_free(w.sets);
+    return status;
+}

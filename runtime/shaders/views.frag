@@ -1,0 +1,21 @@
+#ifdef COLORED
+in vec3 v_color;
+#else
+uniform sampler2D u_atlas; // opaque: alpha is 1
+in vec3 v_first;
+#endif
+#ifdef BLENDED
+in vec3 v_second;
+uniform float u_blend; // share of the second
+#endif
+out vec4 o_color;
+void main()
+{
+#if defined(COLORED)
+    o_color = vec4(v_color, 1.0);
+#elif defined(BLENDED)
+    o_color = mix(textureProj(u_atlas, v_first), textureProj(u_atlas, v_second), u_blend);
+#else
+    o_color = textureProj(u_atlas, v_first);
+#endif
+}
