@@ -59,6 +59,8 @@ hw_build_options hw_build_defaults(void)
                 .outline_px = 0.09,
                 .interior_px = 5,
                 .multi_view_count = 3,
+                .multi_blend = false,
+                .multi_outline_px = 0.03,
                 .multi_interior_px = 3,
                 .capture_side_max = 1024,
                 .capture_samples = 2},
@@ -91,6 +93,8 @@ static uint64_t make_key(const build *b)
                               o->far.interior_px,
                               o->far.multi_view_px,
                               o->far.multi_view_px > 0 ? o->far.multi_view_count : 0,
+                              o->far.multi_view_px > 0 ? o->far.multi_blend : 0,
+                              o->far.multi_view_px > 0 ? o->far.multi_outline_px : 0,
                               o->far.multi_view_px > 0 ? o->far.multi_interior_px : 0,
                               o->far.capture_side_max,
                               o->far.capture_samples,
@@ -474,7 +478,8 @@ out:
 static bool count_cell(build *b, hw_cell_id id, hw_manifest_cell *out)
 {
     static const uint32_t mesh_tags[] = {HW_FOURCC('V', 'E', 'R', 'T'),
-                                         HW_FOURCC('I', 'N', 'D', 'X')};
+                                         HW_FOURCC('I', 'N', 'D', 'X'),
+                                         HW_FOURCC('C', 'O', 'L', 'R')};
     char *path = NULL;
     hw_container *container = NULL;
     size_t raw, stored;
@@ -484,7 +489,7 @@ static bool count_cell(build *b, hw_cell_id id, hw_manifest_cell *out)
     if (good) {
         *out = (hw_manifest_cell){id, hw_container_bytes(container)};
         b->report->bytes += out->bytes;
-        for (int i = 0; i < 2; i++)
+        for (int i = 0; i < 3; i++)
             if (hw_container_chunk_size(container, mesh_tags[i], 0, &raw, &stored) == HW_OK)
                 b->report->mesh_bytes += stored;
         if (hw_container_chunk_size(container, HW_FOURCC('A', 'T', 'L', 'S'), 0, &raw, &stored) ==

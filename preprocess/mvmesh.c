@@ -12,6 +12,8 @@
 // What is in front by less parallax than this, beyond the tolerance of the simplification, is the
 // triangle's own surface.
 #define HIDDEN_PX 1.5
+// Without blending, another capture than the own must show a triangle this much larger.
+#define OWN_PREFERENCE 2.0
 // How far from the mesh its original is looked for, in pixels at the effective distance.
 #define COLOR_REACH_PX 16.0
 
@@ -92,7 +94,7 @@ static bool project(const work *w, view *v, hw_plane_bounds *bounds)
     return true;
 }
 
-// Points on the plane become texels of the window, as seen in `x_min` ... of it.
+// Points on the plane become texels of the window.
 static void to_texels(const work *w, view *v)
 {
     const hw_capture_window *window = &v->window;
@@ -124,6 +126,17 @@ static hw_status add_own_view(work *w)
     return HW_OK;
 }
 
+static void set_window(const hw_capture_window *window, hw_far_view *out)
+{
+    float range[4];
+    *out = (hw_far_view){.eye = window->centre, .face = (uint32_t)window->face};
+    hw_capture_window_inner(window, range, &out->rect);
+    out->x_min = range[0];
+    out->x_max = range[1];
+    out->y_min = range[2];
+    out->y_max = range[3];
+}
+
 // Adds the capture from one more point, unless the object lies beside or too close to it.
 static hw_status add_view(work *w, hw_vec3 eye)
 {
@@ -140,16 +153,9 @@ static hw_status add_view(work *w, hw_vec3 eye)
         !hw_capture_window_fit(w->job, eye, v->face, &bounds, &v->window))
         return HW_OK;
     to_texels(w, v);
-    float range[4];
     hw_capture *capture = &w->mesh->view_captures[r->view_count];
-    hw_far_view *out = &w->mesh->views[r->view_count];
     HW_TRY(hw_svmesh_capture(w->job, &v->window, capture));
-    *out = (hw_far_view){.eye = eye, .face = (uint32_t)v->face};
-    hw_capture_window_inner(&v->window, range, &out->rect);
-    out->x_min = range[0];
-    out->x_max = range[1];
-    out->y_min = range[2];
-    out->y_max = range[3];
+    set_window(&v->window, &w->mesh->views[r->view_count]);
     v->capture = capture;
     r->view_count++;
     w->view_count++;
@@ -231,6 +237,22 @@ static coverage cover(const view *v, const uint32_t *t, double area, double tole
     return c;
 }
 
+// The view of the set that shows a triangle largest; the own one is preferred, as long as others do
+// not show it much larger: they cost texels.
+static uint32_t best_of(const work *w, uint32_t set, const double areas[HW_FAR_VIEWS_MAX])
+{
+    double largest = 0;
+    uint32_t best = 0;
+    for (uint32_t k = 0; k < w->view_count; k++) {
+        double area = areas[k] * (k == 0 ? OWN_PREFERENCE : 1);
+        if (!(set >> k & 1) || area <= largest)
+            continue;
+        largest = area;
+        best = 1u << k;
+    }
+    return best;
+}
+
 static void find_sets(work *w)
 {
     const hw_cell_view *cell = w->job->view;
@@ -251,6 +273,8 @@ static void find_sets(work *w)
             if (c.hidden <= HIDDEN_FRACTION * c.texels)
                 w->sets[f] |= 1u << k;
         }
+        if (!w->job->options->multi_blend)
+            w->sets[f] = best_of(w, w->sets[f], areas);
     }
 }
 
@@ -353,6 +377,153 @@ out:
     return status;
 }
 
+// ---- texels that nothing shows ---------------------------------------------------------------
+
+#define BLOCK 4u // sides of a block of BC1, which lie at multiples of it in the capture
+// How far beyond a triangle texels are looked up: half by filtering, the rest for outlines that
+// differ a little between the captures.
+#define MARGIN 1.5
+
+// Whether a counter-clockwise triangle meets the square block at (x, y), grown by the margin;
+// conservative at the triangle's corners.
+static bool meets_block(const double *const p[3], double x, double y)
+{
+    const double low[2] = {x - MARGIN, y - MARGIN};
+    const double high[2] = {x + BLOCK + MARGIN, y + BLOCK + MARGIN};
+    for (int k = 0; k < 3; k++) {
+        const double *a = p[k], *b = p[(k + 1) % 3];
+        double nx = a[1] - b[1], ny = b[0] - a[0]; // to the inside
+        double far_x = nx > 0 ? high[0] : low[0], far_y = ny > 0 ? high[1] : low[1];
+        if (nx * (far_x - a[0]) + ny * (far_y - a[1]) < 0)
+            return false;
+    }
+    return true;
+}
+
+typedef struct block_map {
+    uint32_t columns, rows;
+    bool *needed;
+} block_map;
+
+static void need_triangle(const view *v, const uint32_t *t, block_map *map)
+{
+    const double *const p[3] = {v->points[t[0]], v->points[t[1]], v->points[t[2]]};
+    double from[2], to[2];
+    for (int k = 0; k < 2; k++) {
+        from[k] = fmin(p[0][k], fmin(p[1][k], p[2][k])) - MARGIN;
+        to[k] = fmax(p[0][k], fmax(p[1][k], p[2][k])) + MARGIN;
+    }
+    uint32_t column = (uint32_t)(fmax(from[0], 0) / BLOCK), row = (uint32_t)(fmax(from[1], 0) / BLOCK);
+    for (uint32_t j = row; j < map->rows && j * BLOCK <= to[1]; j++)
+        for (uint32_t i = column; i < map->columns && i * BLOCK <= to[0]; i++)
+            map->needed[(size_t)j * map->columns + i] |= meets_block(p, i * BLOCK, j * BLOCK);
+}
+
+static hw_status find_needed(const work *w, uint32_t index, block_map *map)
+{
+    const view *v = &w->views[index];
+    const uint32_t *t = w->mesh->indices;
+    map->columns = (v->capture->width + BLOCK - 1) / BLOCK;
+    map->rows = (v->capture->height + BLOCK - 1) / BLOCK;
+    HW_TRY(HW_NEW(&map->needed, (size_t)map->columns * map->rows));
+    for (uint32_t r = 0; r < w->mesh->record.range_count; r++) {
+        const hw_far_range *range = &w->mesh->ranges[r];
+        for (uint32_t i = 0; i < range->index_count; i += 3, t += 3)
+            if (range->views >> index & 1)
+                need_triangle(v, t, map);
+    }
+    return HW_OK;
+}
+
+static void blank(const block_map *map, hw_capture *capture)
+{
+    for (uint32_t y = 0; y < capture->height; y++)
+        for (uint32_t x = 0; x < capture->width; x++)
+            if (!map->needed[(size_t)(y / BLOCK) * map->columns + x / BLOCK])
+                capture->colors[(size_t)y * capture->width + x] = (hw_color8){0, 0, 0, 0};
+}
+
+// The part of a capture that the needed blocks span, at least 2 x 2 of them. Empty if there are
+// none.
+static hw_rect needed_part(const block_map *map, const hw_capture *capture)
+{
+    uint32_t left = map->columns, right = 0, bottom = map->rows, top = 0;
+    for (uint32_t j = 0; j < map->rows; j++)
+        for (uint32_t i = 0; i < map->columns; i++) {
+            if (!map->needed[(size_t)j * map->columns + i])
+                continue;
+            left = i < left ? i : left;
+            right = i >= right ? i + 1 : right;
+            bottom = j < bottom ? j : bottom;
+            top = j + 1;
+        }
+    if (right == 0)
+        return (hw_rect){0, 0, 0, 0};
+    left = left > 0 && right - left < 2 ? left - 1 : left;
+    bottom = bottom > 0 && top - bottom < 2 ? bottom - 1 : bottom;
+    right = right - left < 2 ? left + 2 : right;
+    top = top - bottom < 2 ? bottom + 2 : top;
+    uint32_t x = left * BLOCK, y = bottom * BLOCK;
+    uint32_t width = right * BLOCK < capture->width ? (right - left) * BLOCK : capture->width - x;
+    uint32_t height = top * BLOCK < capture->height ? (top - bottom) * BLOCK : capture->height - y;
+    return (hw_rect){x, y, width, height};
+}
+
+// Cuts a further view down to the part.
+static void crop(const hw_rect *part, hw_capture_window *window, hw_capture *capture,
+                 hw_far_view *out)
+{
+    float tx = (window->x_max - window->x_min) / (float)window->width;
+    float ty = (window->y_max - window->y_min) / (float)window->height;
+    for (uint32_t y = 0; y < part->height; y++)
+        memmove(capture->colors + (size_t)y * part->width,
+                capture->colors + (size_t)(part->y + y) * capture->width + part->x,
+                part->width * sizeof *capture->colors);
+    capture->width = window->width = part->width;
+    capture->height = window->height = part->height;
+    window->x_min += tx * (float)part->x;
+    window->x_max = window->x_min + tx * (float)part->width;
+    window->y_min += ty * (float)part->y;
+    window->y_max = window->y_min + ty * (float)part->height;
+    set_window(window, out);
+}
+
+// Takes view `index` (not the own) out of the mesh: no triangle shows it.
+static void drop_view(work *w, uint32_t index)
+{
+    hw_svmesh *mesh = w->mesh;
+    uint32_t from = index - 1, left = --mesh->record.view_count - from;
+    hw_capture_free(&mesh->view_captures[from]);
+    memmove(mesh->views + from, mesh->views + from + 1, left * sizeof *mesh->views);
+    memmove(mesh->view_captures + from, mesh->view_captures + from + 1,
+            left * sizeof *mesh->view_captures);
+    mesh->view_captures[mesh->record.view_count] = (hw_capture){0};
+    for (uint32_t r = 0; r < mesh->record.range_count; r++) {
+        uint32_t low = mesh->ranges[r].views & ((1u << index) - 1);
+        mesh->ranges[r].views = low | (mesh->ranges[r].views >> (index + 1) << index);
+    }
+}
+
+// Leaves out what no triangle shows: blocks are blanked (those of one colour compress to next to
+// nothing), captures cropped or dropped. The depths are of no use afterwards.
+static hw_status trim_captures(work *w)
+{
+    hw_svmesh *mesh = w->mesh;
+    for (uint32_t index = w->view_count; index-- > 0;) {
+        hw_capture *capture = index > 0 ? &mesh->view_captures[index - 1] : &mesh->capture;
+        block_map map = {0};
+        HW_TRY(find_needed(w, index, &map));
+        blank(&map, capture);
+        hw_rect part = needed_part(&map, capture);
+        hw_free(map.needed);
+        if (index > 0 && part.width > 0)
+            crop(&part, &w->views[index].window, capture, &mesh->views[index - 1]);
+        else if (index > 0)
+            drop_view(w, index);
+    }
+    return HW_OK;
+}
+
 hw_status hw_mvmesh_add_views(const hw_svmesh_job *job, hw_svmesh *mesh)
 {
     hw_status status = HW_OK;
@@ -366,6 +537,7 @@ hw_status hw_mvmesh_add_views(const hw_svmesh_job *job, hw_svmesh *mesh)
     find_sets(&w);
     HW_GO(add_colors(&w));
     HW_GO(sort_triangles(&w));
+    HW_GO(trim_captures(&w));
     HW_GO(sort_vertices(mesh));
 out:
     for (uint32_t i = 0; i < HW_FAR_VIEWS_MAX; i++)
