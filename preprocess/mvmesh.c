@@ -17,6 +17,13 @@
 // How far from the mesh its original is looked for, in pixels at the effective distance.
 #define COLOR_REACH_PX 16.0
 
+// A triangle that no view sees is looked for from the corners of the cell (below, above and at half
+// height), the middles of its edges and of the lines from there to the centre, and the centre.
+#define EYES   (HW_CELL_CORNERS + 19)
+#define HIDDEN UINT32_MAX
+// How far the samples on a triangle lie from its middle, as a fraction of the way to its outline.
+#define SAMPLE_SPREAD 0.85f
+
 // One capture at work.
 typedef struct view {
     hw_vec3 eye;
@@ -32,7 +39,8 @@ typedef struct work {
     hw_vec3 *world; // per vertex
     view views[HW_FAR_VIEWS_MAX];
     uint32_t view_count;
-    uint32_t *sets; // per triangle: a bit for each view that sees it
+    uint32_t *sets; // per triangle: a bit for each view that sees it; HIDDEN: nobody does
+    hw_vec3 eyes[EYES];
 } work;
 
 // ---- points of view --------------------------------------------------------------------------
@@ -42,8 +50,8 @@ static double angle_between(const double a[2], const double b[2])
     return atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1]);
 }
 
-// The cell's corners at half height, in the order in which they widen the range of directions: the
-// outermost to each side, as seen from the object, then those next to them.
+// The cell's corners at half height: the outermost to each side, as seen from the object, then those
+// next to them.
 static void order_corners(const hw_svmesh_job *job, hw_vec3 eyes[6])
 {
     hw_vec3 target = hw_box_centre(job->scene->objects[job->object_idx].bounds);
@@ -70,26 +78,30 @@ static void order_corners(const hw_svmesh_job *job, hw_vec3 eyes[6])
     }
 }
 
+uint32_t hw_mvmesh_eyes(const hw_svmesh_job *job, hw_vec3 eyes[HW_FAR_VIEWS_MAX])
+{
+    eyes[0] = job->view->centre;
+    order_corners(job, eyes + 1);
+    return 7;
+}
+
+int hw_mvmesh_face(const hw_svmesh_job *job, hw_vec3 eye)
+{
+    hw_vec3 towards =
+        hw_v3_sub(hw_box_centre(job->scene->objects[job->object_idx].bounds), eye);
+    return hw_face_towards(towards.x, towards.y);
+}
+
 // Projects the vertices to the plane of the view; false if one lies behind it.
 static bool project(const work *w, view *v, hw_plane_bounds *bounds)
 {
-    hw_vec3 axis, right, up;
-    hw_face_basis(v->face, &axis, &right, &up);
     *bounds = (hw_plane_bounds){{INFINITY, INFINITY}, {-INFINITY, -INFINITY}, INFINITY};
     for (uint32_t i = 0; i < w->mesh->record.vertex_count; i++) {
-        hw_vec3 rel = hw_v3_sub(w->world[i], v->eye);
-        double depth = hw_v3_dot(rel, axis);
-        if (depth < 1e-3)
-            return false;
         double *p = v->points[i];
-        p[0] = hw_v3_dot(rel, right) / depth;
-        p[1] = hw_v3_dot(rel, up) / depth;
-        p[2] = 1 / depth;
-        for (int k = 0; k < 2; k++) {
-            bounds->min[k] = fmin(bounds->min[k], p[k]);
-            bounds->max[k] = fmax(bounds->max[k], p[k]);
-        }
-        bounds->depth_min = fmin(bounds->depth_min, depth);
+        if (!hw_plane_project(v->eye, v->face, w->world[i], p))
+            return false;
+        hw_plane_bounds_add(bounds, p);
+        p[2] = 1 / p[2];
     }
     return true;
 }
@@ -142,11 +154,9 @@ static hw_status add_view(work *w, hw_vec3 eye)
 {
     hw_far_record *r = &w->mesh->record;
     view *v = &w->views[w->view_count];
-    hw_vec3 towards =
-        hw_v3_sub(hw_box_centre(w->job->scene->objects[w->job->object_idx].bounds), eye);
     hw_plane_bounds bounds;
     v->eye = eye;
-    v->face = hw_face_towards(towards.x, towards.y);
+    v->face = hw_mvmesh_face(w->job, eye);
     if (!v->points)
         HW_TRY(HW_NEW(&v->points, r->vertex_count));
     if (!project(w, v, &bounds) ||
@@ -164,13 +174,12 @@ static hw_status add_view(work *w, hw_vec3 eye)
 
 static hw_status add_views(work *w)
 {
-    hw_vec3 eyes[6];
-    uint32_t wanted = w->job->options->multi_view_count - 1;
+    hw_vec3 eyes[HW_FAR_VIEWS_MAX];
+    uint32_t wanted = w->job->options->multi_view_count, count = hw_mvmesh_eyes(w->job, eyes);
     HW_TRY(HW_NEW(&w->mesh->views, HW_FAR_VIEWS_MAX));
     HW_TRY(HW_NEW(&w->mesh->view_captures, HW_FAR_VIEWS_MAX));
     HW_TRY(add_own_view(w));
-    order_corners(w->job, eyes);
-    for (uint32_t i = 0; i < 6 && w->mesh->record.view_count < wanted; i++)
+    for (uint32_t i = 1; i < count && w->view_count < wanted; i++)
         HW_TRY(add_view(w, eyes[i]));
     return HW_OK;
 }
@@ -253,11 +262,16 @@ static uint32_t best_of(const work *w, uint32_t set, const double areas[HW_FAR_V
     return best;
 }
 
-static void find_sets(work *w)
+// Inverse depth by which the mesh may differ from the original that it stands for.
+static double surface_tolerance(const work *w)
 {
     const hw_cell_view *cell = w->job->view;
-    double tolerance =
-        (w->job->options->multi_interior_px + HIDDEN_PX) / (cell->focal_px * cell->size);
+    return (w->job->options->multi_interior_px + HIDDEN_PX) / (cell->focal_px * cell->size);
+}
+
+static void find_sets(work *w)
+{
+    double tolerance = surface_tolerance(w);
     for (uint32_t f = 0; f < w->mesh->record.index_count / 3; f++) {
         const uint32_t *t = w->mesh->indices + 3 * (size_t)f;
         double areas[HW_FAR_VIEWS_MAX], largest = 0;
@@ -276,6 +290,72 @@ static void find_sets(work *w)
         if (!w->job->options->multi_blend)
             w->sets[f] = best_of(w, w->sets[f], areas);
     }
+}
+
+// ---- what nobody sees ------------------------------------------------------------------------
+
+static void find_eyes(work *w)
+{
+    const hw_cell_view *cell = w->job->view;
+    uint32_t n = 0;
+    for (int i = 0; i < HW_CELL_CORNERS; i++)
+        w->eyes[n++] = cell->corners[i];
+    w->eyes[n++] = cell->centre;
+    for (int i = 0; i < 6; i++) {
+        hw_vec3 corner = cell->corners[i], next = cell->corners[(i + 1) % 6];
+        corner.z = next.z = cell->centre.z;
+        hw_vec3 middle = hw_v3_scale(hw_v3_add(corner, next), 0.5f);
+        w->eyes[n++] = corner;
+        w->eyes[n++] = middle;
+        w->eyes[n++] = hw_v3_scale(hw_v3_add(middle, cell->centre), 0.5f);
+    }
+}
+
+// Whether a ray from the eye to the point meets nothing in front of it.
+static bool reaches(const work *w, hw_vec3 eye, hw_vec3 point, double tolerance)
+{
+    hw_vec3 direction = hw_v3_sub(point, eye);
+    float t_max = (float)(1 / (1 + tolerance * (double)hw_v3_length(direction)));
+    hw_hit hit = hw_rays_cast_object(hw_capturer_rays(w->job->capturer), w->job->object_idx, eye,
+                                     direction, 0, t_max);
+    return hit.t == INFINITY;
+}
+
+static bool is_hidden(const work *w, const uint32_t *t, double tolerance)
+{
+    hw_vec3 a = w->world[t[0]], b = w->world[t[1]], c = w->world[t[2]];
+    hw_vec3 normal = hw_v3_cross(hw_v3_sub(b, a), hw_v3_sub(c, a));
+    hw_vec3 middle = hw_v3_scale(hw_v3_add(hw_v3_add(a, b), c), 1.0f / 3);
+    const hw_vec3 rim[6] = {a,
+                            b,
+                            c,
+                            hw_v3_scale(hw_v3_add(a, b), 0.5f),
+                            hw_v3_scale(hw_v3_add(b, c), 0.5f),
+                            hw_v3_scale(hw_v3_add(c, a), 0.5f)};
+    for (uint32_t e = 0; e < EYES; e++) {
+        if (hw_v3_dot(normal, hw_v3_sub(w->eyes[e], a)) <= 0)
+            continue;
+        if (reaches(w, w->eyes[e], middle, tolerance))
+            return false;
+        for (int k = 0; k < 6; k++)
+            if (reaches(w, w->eyes[e],
+                        hw_v3_mad(middle, hw_v3_sub(rim[k], middle), SAMPLE_SPREAD), tolerance))
+                return false;
+    }
+    return true;
+}
+
+static hw_status find_hidden(work *w)
+{
+    const hw_rays *rays = hw_capturer_rays(w->job->capturer);
+    double tolerance = surface_tolerance(w);
+    find_eyes(w);
+    HW_TRY(hw_rays_pin(rays, w->job->object_idx));
+    for (uint32_t f = 0; f < w->mesh->record.index_count / 3; f++)
+        if (w->sets[f] == 0 && is_hidden(w, w->mesh->indices + 3 * (size_t)f, tolerance))
+            w->sets[f] = HIDDEN;
+    hw_rays_unpin(rays, w->job->object_idx);
+    return HW_OK;
 }
 
 // ---- what no view sees -----------------------------------------------------------------------
@@ -330,7 +410,7 @@ out:
 
 // ---- ranges ----------------------------------------------------------------------------------
 
-// Sorts the triangles by their sets, those of more views first.
+// Sorts the triangles by their sets, those of more views first, and drops those that nobody sees.
 static hw_status sort_triangles(work *w)
 {
     hw_status status = HW_OK;
@@ -353,7 +433,8 @@ static hw_status sort_triangles(work *w)
         meshopt_optimizeVertexCacheStrip(sorted + first, sorted + first, n - first,
                                          r->vertex_count); // packs best
     }
-    memcpy(mesh->indices, sorted, r->index_count * sizeof *sorted);
+    memcpy(mesh->indices, sorted, n * sizeof *sorted);
+    r->index_count = n;
 out:
     hw_free(sorted);
     return status;
@@ -535,6 +616,7 @@ hw_status hw_mvmesh_add_views(const hw_svmesh_job *job, hw_svmesh *mesh)
         w.world[i] = hw_far_vertex_world(&matrix, &mesh->vertices[i]);
     HW_GO(add_views(&w));
     find_sets(&w);
+    HW_GO(find_hidden(&w));
     HW_GO(add_colors(&w));
     HW_GO(sort_triangles(&w));
     HW_GO(trim_captures(&w));

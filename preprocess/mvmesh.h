@@ -10,10 +10,16 @@
 #pragma once
 #include "svmesh.h"
 
+// Where an MVMesh is captured from, at most HW_FAR_VIEWS_MAX points: the cell's centre, then its
+// corners in the order in which they widen the range of directions. Returns how many.
+uint32_t hw_mvmesh_eyes(const hw_svmesh_job *job, hw_vec3 eyes[HW_FAR_VIEWS_MAX]);
+// The face whose window holds the object as seen from there.
+int hw_mvmesh_face(const hw_svmesh_job *job, hw_vec3 eye);
 // Adds views, ranges and colours to a mesh that has its own capture. Triangles are reordered by the
 // set of views that see them, vertices by first use.
 //
 // A capture sees a triangle that faces it, is not much more oblique in it than in the best one, and
-// is hidden in less than a tenth of its texels. Triangles that no capture sees get the colours
+// is hidden in less than a tenth of its texels. Of the triangles that no capture sees, those that
+// rays from many points of the cell do not reach either are dropped; the others get the colours
 // their vertices have on the original.
 HW_MUST_USE hw_status hw_mvmesh_add_views(const hw_svmesh_job *job, hw_svmesh *mesh);

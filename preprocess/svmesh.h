@@ -117,11 +117,15 @@ bool hw_svmesh_window(const hw_svmesh_job *job, const hw_view_mesh *mesh, hw_cap
 
 // ---- for MVMeshes ----------------------------------------------------------------------------
 
+// World position to the plane at distance 1 from `eye` along the axis of `face`, and its depth;
+// false if it lies on or behind the plane through the eye.
+bool hw_plane_project(hw_vec3 eye, int face, hw_vec3 world, double plane[3]);
 // A rectangle of the plane at distance 1 from a point of view, and the least depth of what lies in
 // it.
 typedef struct hw_plane_bounds {
     double min[2], max[2], depth_min;
 } hw_plane_bounds;
+void hw_plane_bounds_add(hw_plane_bounds *bounds, const double plane[3]);
 // The capture window of a rectangle seen from `eye`: one texel per pixel of the nearest viewer in
 // the cell, looking at the nearest part, grown by HW_CAPTURE_PADDING texels on each side. False if
 // a side would be too large.
