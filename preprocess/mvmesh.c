@@ -16,6 +16,8 @@
 #define OWN_PREFERENCE 2.0
 // How far from the mesh its original is looked for, in pixels at the effective distance.
 #define COLOR_REACH_PX 16.0
+// ... and how far from the vertex to the triangle's middle: at the very border rays may miss.
+#define COLOR_INWARDS 0.1f
 
 // A triangle that no view sees is looked for from the corners of the cell (below, above and at half
 // height), the middles of its edges and of the lines from there to the centre, and the centre.
@@ -380,31 +382,38 @@ static hw_status add_colors(work *w)
     hw_status status = HW_OK;
     const hw_far_record *r = &w->mesh->record;
     const hw_rays *rays = hw_capturer_rays(w->job->capturer);
-    hw_vec3 *normals = NULL;
+    hw_vec3 *normals = NULL, *inwards = NULL; // per vertex, of its unseen triangles
     bool pinned = false, all_seen = true;
     for (uint32_t f = 0; f < r->index_count / 3; f++)
         all_seen &= w->sets[f] != 0;
     if (all_seen)
         return HW_OK;
     HW_GO(HW_NEW(&normals, r->vertex_count));
+    HW_GO(HW_NEW(&inwards, r->vertex_count));
     HW_GO(HW_NEW(&w->mesh->colors, r->vertex_count));
     for (uint32_t f = 0; f < r->index_count / 3; f++) {
         const uint32_t *t = w->mesh->indices + 3 * (size_t)f;
         hw_vec3 a = w->world[t[0]];
         hw_vec3 normal =
             hw_v3_cross(hw_v3_sub(w->world[t[1]], a), hw_v3_sub(w->world[t[2]], a));
-        for (int k = 0; k < 3 && w->sets[f] == 0; k++)
+        hw_vec3 middle = hw_v3_scale(
+            hw_v3_add(hw_v3_add(a, w->world[t[1]]), w->world[t[2]]), 1.0f / 3);
+        for (int k = 0; k < 3 && w->sets[f] == 0; k++) {
             normals[t[k]] = hw_v3_add(normals[t[k]], normal);
+            inwards[t[k]] = hw_v3_sub(middle, w->world[t[k]]); // of the last: any will do
+        }
     }
     HW_GO(hw_rays_pin(rays, w->job->object_idx));
     pinned = true;
     for (uint32_t i = 0; i < r->vertex_count; i++)
         if (hw_v3_length(normals[i]) > 0)
-            w->mesh->colors[i] = color_at(w, w->world[i], hw_v3_normalize(normals[i]));
+            w->mesh->colors[i] = color_at(w, hw_v3_mad(w->world[i], inwards[i], COLOR_INWARDS),
+                                          hw_v3_normalize(normals[i]));
 out:
     if (pinned)
         hw_rays_unpin(rays, w->job->object_idx);
     hw_free(normals);
+    hw_free(inwards);
     return status;
 }
 
