@@ -2,6 +2,7 @@
 #include "alloc.h"
 #include <math.h>
 #include <meshoptimizer.h>
+#include <stdlib.h>
 #include <string.h>
 
 // A capture serves a triangle if it shows it at this fraction, at least, of the area it has in the
@@ -14,6 +15,9 @@
 #define HIDDEN_PX 1.5
 // Without blending, another capture than the own must show a triangle this much larger.
 #define OWN_PREFERENCE 2.0
+// Unseen triangles of more texels than this are split, with their neighbours, so many times.
+#define SPLIT_TEXELS 16.0
+#define SPLIT_ROUNDS 3
 // How far from the mesh its original is looked for, in pixels at the effective distance.
 #define COLOR_REACH_PX 16.0
 // ... and how far from the vertex to the triangle's middle: at the very border rays may miss.
@@ -21,8 +25,7 @@
 
 // A triangle that no view sees is looked for from the corners of the cell (below, above and at half
 // height), the middles of its edges and of the lines from there to the centre, and the centre.
-#define EYES   (HW_CELL_CORNERS + 19)
-#define HIDDEN UINT32_MAX
+#define EYES (HW_CELL_CORNERS + 19)
 // How far the samples on a triangle lie from its middle, as a fraction of the way to its outline.
 #define SAMPLE_SPREAD 0.85f
 
@@ -41,7 +44,7 @@ typedef struct work {
     hw_vec3 *world; // per vertex
     view views[HW_FAR_VIEWS_MAX];
     uint32_t view_count;
-    uint32_t *sets; // per triangle: a bit for each view that sees it; HIDDEN: nobody does
+    uint32_t *sets; // per triangle: a bit for each view that sees it
     hw_vec3 eyes[EYES];
 } work;
 
@@ -149,6 +152,24 @@ static void set_window(const hw_capture_window *window, hw_far_view *out)
     out->x_max = range[1];
     out->y_min = range[2];
     out->y_max = range[3];
+}
+
+// Where the vertices are, in the world and in the views there are.
+static hw_status place_vertices(work *w)
+{
+    const hw_far_record *r = &w->mesh->record;
+    hw_mat4 matrix = hw_far_record_matrix(r, w->job->view->centre);
+    hw_plane_bounds unused;
+    HW_TRY(HW_RESIZE(&w->world, r->vertex_count));
+    for (uint32_t i = 0; i < r->vertex_count; i++)
+        w->world[i] = hw_far_vertex_world(&matrix, &w->mesh->vertices[i]);
+    for (uint32_t k = 0; k < w->view_count; k++) {
+        HW_TRY(HW_RESIZE(&w->views[k].points, r->vertex_count));
+        if (!project(w, &w->views[k], &unused))
+            return hw_fail(HW_INTERNAL, "a vertex lies behind its view");
+        to_texels(w, &w->views[k]);
+    }
+    return HW_OK;
 }
 
 // Adds the capture from one more point, unless the object lies beside or too close to it.
@@ -347,17 +368,170 @@ static bool is_hidden(const work *w, const uint32_t *t, double tolerance)
     return true;
 }
 
-static hw_status find_hidden(work *w)
+static hw_status drop_hidden(work *w)
 {
     const hw_rays *rays = hw_capturer_rays(w->job->capturer);
     double tolerance = surface_tolerance(w);
-    find_eyes(w);
+    uint32_t n = 0, count = w->mesh->record.index_count / 3, *indices = w->mesh->indices;
     HW_TRY(hw_rays_pin(rays, w->job->object_idx));
-    for (uint32_t f = 0; f < w->mesh->record.index_count / 3; f++)
-        if (w->sets[f] == 0 && is_hidden(w, w->mesh->indices + 3 * (size_t)f, tolerance))
-            w->sets[f] = HIDDEN;
+    for (uint32_t f = 0; f < count; f++) {
+        if (w->sets[f] == 0 && is_hidden(w, indices + 3 * (size_t)f, tolerance))
+            continue;
+        w->sets[n] = w->sets[f];
+        memmove(indices + 3 * (size_t)n++, indices + 3 * (size_t)f, 3 * sizeof *indices);
+    }
     hw_rays_unpin(rays, w->job->object_idx);
+    w->mesh->record.index_count = 3 * n;
     return HW_OK;
+}
+
+// ---- splitting what is partly hidden ---------------------------------------------------------
+
+// An edge (a < b) to be split, and the vertex in its middle.
+typedef struct edge {
+    uint32_t a, b, middle;
+} edge;
+
+typedef struct edge_list {
+    edge *edges; // sorted
+    uint32_t count;
+} edge_list;
+
+static int by_ends(const void *x, const void *y)
+{
+    const edge *p = x, *q = y;
+    return p->a != q->a ? (p->a > q->a) - (p->a < q->a) : (p->b > q->b) - (p->b < q->b);
+}
+
+static edge make_edge(uint32_t a, uint32_t b)
+{
+    return a < b ? (edge){a, b, 0} : (edge){b, a, 0};
+}
+
+// The longest edge of a triangle, as the own view shows it.
+static edge longest_edge(const work *w, const uint32_t *t)
+{
+    edge longest = {0, 0, 0};
+    double most = -1;
+    for (int k = 0; k < 3; k++) {
+        const double *p = w->views[0].points[t[k]], *q = w->views[0].points[t[(k + 1) % 3]];
+        double length = hypot(p[0] - q[0], p[1] - q[1]);
+        if (length > most)
+            longest = make_edge(t[k], t[(k + 1) % 3]);
+        most = fmax(most, length);
+    }
+    return longest;
+}
+
+// The longest edges of the unseen triangles that are large in some view, each once.
+static hw_status list_edges(const work *w, edge_list *list)
+{
+    uint32_t triangles = w->mesh->record.index_count / 3, n = 0;
+    HW_TRY(HW_NEW(&list->edges, triangles));
+    for (uint32_t f = 0; f < triangles; f++) {
+        const uint32_t *t = w->mesh->indices + 3 * (size_t)f;
+        double largest = 0;
+        for (uint32_t k = 0; k < w->view_count; k++)
+            largest = fmax(largest, area2(&w->views[k], t) / 2);
+        if (w->sets[f] == 0 && largest > SPLIT_TEXELS)
+            list->edges[n++] = longest_edge(w, t);
+    }
+    qsort(list->edges, n, sizeof *list->edges, by_ends);
+    for (uint32_t i = 0; i < n; i++)
+        if (i == 0 || by_ends(&list->edges[i], &list->edges[list->count - 1]) != 0)
+            list->edges[list->count++] = list->edges[i];
+    return HW_OK;
+}
+
+// Half way between two coordinates, in steps of the record's.
+static uint16_t half_way(uint16_t a, uint16_t b, uint32_t step)
+{
+    return (uint16_t)(((uint32_t)a + b) / (2 * step) * step);
+}
+
+static uint32_t lowest_bit(uint32_t bits)
+{
+    return bits ? bits & -bits : 1;
+}
+
+static hw_status add_middles(work *w, edge_list *list)
+{
+    hw_far_record *r = &w->mesh->record;
+    uint32_t x = 0, y = 0, z = 0, n = r->vertex_count + list->count;
+    for (uint32_t i = 0; i < r->vertex_count; i++) {
+        x |= w->mesh->vertices[i].x;
+        y |= w->mesh->vertices[i].y;
+        z |= w->mesh->vertices[i].z;
+    }
+    HW_TRY(HW_RESIZE(&w->mesh->vertices, n));
+    for (uint32_t i = 0; i < list->count; i++) {
+        const hw_far_vertex *a = &w->mesh->vertices[list->edges[i].a],
+                            *b = &w->mesh->vertices[list->edges[i].b];
+        list->edges[i].middle = r->vertex_count;
+        w->mesh->vertices[r->vertex_count++] = (hw_far_vertex){
+            half_way(a->x, b->x, lowest_bit(x)), half_way(a->y, b->y, lowest_bit(y)),
+            half_way(a->z, b->z, lowest_bit(z)), 0};
+    }
+    return HW_OK;
+}
+
+// Replaces the triangle by its parts; *out grows by up to four.
+static uint32_t *split_triangle(const edge_list *list, const uint32_t t[3], uint32_t *out)
+{
+    for (int k = 0; k < 3; k++) {
+        uint32_t a = t[k], b = t[(k + 1) % 3], c = t[(k + 2) % 3];
+        edge key = make_edge(a, b);
+        const edge *found =
+            bsearch(&key, list->edges, list->count, sizeof *list->edges, by_ends);
+        if (!found)
+            continue;
+        const uint32_t parts[2][3] = {{a, found->middle, c}, {found->middle, b, c}};
+        return split_triangle(list, parts[1], split_triangle(list, parts[0], out));
+    }
+    memcpy(out, t, 3 * sizeof *t);
+    return out + 3;
+}
+
+static hw_status split_unseen(work *w)
+{
+    hw_status status;
+    hw_far_record *r = &w->mesh->record;
+    edge_list list = {0};
+    uint32_t *indices = NULL, *end;
+    HW_GO(list_edges(w, &list));
+    if (list.count == 0)
+        goto out;
+    HW_GO(add_middles(w, &list));
+    HW_GO(HW_NEW(&indices, 4 * (size_t)r->index_count));
+    end = indices;
+    for (uint32_t i = 0; i < r->index_count; i += 3)
+        end = split_triangle(&list, w->mesh->indices + i, end);
+    hw_free(w->mesh->indices);
+    w->mesh->indices = indices;
+    indices = NULL;
+    r->index_count = (uint32_t)(end - w->mesh->indices);
+    HW_GO(place_vertices(w));
+out:
+    hw_free(indices);
+    hw_free(list.edges);
+    return status;
+}
+
+// Finds the final triangles and their sets.
+static hw_status settle_sets(work *w)
+{
+    find_eyes(w);
+    for (uint32_t round = 0;; round++) {
+        uint32_t before = w->mesh->record.vertex_count;
+        HW_TRY(HW_RESIZE(&w->sets, w->mesh->record.index_count / 3));
+        find_sets(w);
+        HW_TRY(drop_hidden(w));
+        if (round == SPLIT_ROUNDS)
+            return HW_OK;
+        HW_TRY(split_unseen(w));
+        if (w->mesh->record.vertex_count == before)
+            return HW_OK;
+    }
 }
 
 // ---- what no view sees -----------------------------------------------------------------------
@@ -419,7 +593,7 @@ out:
 
 // ---- ranges ----------------------------------------------------------------------------------
 
-// Sorts the triangles by their sets, those of more views first, and drops those that nobody sees.
+// Sorts the triangles by their sets, those of more views first.
 static hw_status sort_triangles(work *w)
 {
     hw_status status = HW_OK;
@@ -618,14 +792,9 @@ hw_status hw_mvmesh_add_views(const hw_svmesh_job *job, hw_svmesh *mesh)
 {
     hw_status status = HW_OK;
     work w = {.job = job, .mesh = mesh};
-    hw_mat4 matrix = hw_far_record_matrix(&mesh->record, job->view->centre);
-    HW_GO(HW_NEW(&w.world, mesh->record.vertex_count));
-    HW_GO(HW_NEW(&w.sets, mesh->record.index_count / 3));
-    for (uint32_t i = 0; i < mesh->record.vertex_count; i++)
-        w.world[i] = hw_far_vertex_world(&matrix, &mesh->vertices[i]);
+    HW_GO(place_vertices(&w));
     HW_GO(add_views(&w));
-    find_sets(&w);
-    HW_GO(find_hidden(&w));
+    HW_GO(settle_sets(&w));
     HW_GO(add_colors(&w));
     HW_GO(sort_triangles(&w));
     HW_GO(trim_captures(&w));
