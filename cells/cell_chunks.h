@@ -13,7 +13,8 @@
     X(VIEW, HW_FOURCC('V', 'I', 'E', 'W'))                                                         \
     X(RNGE, HW_FOURCC('R', 'N', 'G', 'E'))                                                         \
     X(COLR, HW_FOURCC('C', 'O', 'L', 'R'))                                                         \
-    X(ATLS, HW_FOURCC('A', 'T', 'L', 'S'))
+    X(ATLS, HW_FOURCC('A', 'T', 'L', 'S'))                                                         \
+    X(COVR, HW_FOURCC('C', 'O', 'V', 'R'))
 
 enum {
 #define X(name, tag) HW_CELL_CHUNK_##name,

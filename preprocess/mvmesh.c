@@ -187,7 +187,7 @@ static hw_status add_view(work *w, hw_vec3 eye)
         return HW_OK;
     to_texels(w, v);
     hw_capture *capture = &w->mesh->view_captures[r->view_count];
-    HW_TRY(hw_svmesh_capture(w->job, &v->window, capture));
+    HW_TRY(hw_svmesh_capture(w->job, &v->window, w->job->options->capture_samples, capture));
     set_window(&v->window, &w->mesh->views[r->view_count]);
     v->capture = capture;
     r->view_count++;

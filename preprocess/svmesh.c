@@ -1,5 +1,6 @@
 #include "svmesh.h"
 #include "alloc.h"
+#include "impostor.h"
 #include "mvmesh.h"
 #include <math.h>
 #include <meshoptimizer.h>
@@ -7,9 +8,10 @@
 
 // Colours spread this far beyond an object's outline, so that filtering and simplified outlines
 // never meet the background.
-#define DILATION_TEXELS 6u
-#define EXTENT_FACES    1000u
-#define QUANTUM_PX      (1.0 / 32) // coarser steps show on silhouettes
+#define DILATION_TEXELS  6u
+#define EXTENT_FACES     1000u
+#define IMPOSTOR_SAMPLES 4u         // rays per texel and axis: outlines are as good as the coverage
+#define QUANTUM_PX       (1.0 / 32) // coarser steps show on silhouettes
 
 static const hw_svmesh_policy *const policies[] = {&hw_policy_screen, &hw_policy_thesis, NULL};
 
@@ -68,7 +70,10 @@ void hw_svmesh_free(hw_svmesh *svmesh)
 
 hw_cell_view hw_cell_view_make(const hw_hexgrid *grid, hw_cell_id id)
 {
-    hw_cell_view view = {.grid = grid, .id = id, .centre = hw_cell_centre(grid, id), .size = hw_cell_side(grid, id.level)};
+    hw_cell_view view = {.grid = grid,
+                         .id = id,
+                         .centre = hw_cell_centre(grid, id),
+                         .size = hw_cell_side(grid, id.level)};
     hw_cell_corners(grid, id, view.corners);
     view.focal_px = HW_REFERENCE_IMAGE_PX / 2 / tan(HW_REFERENCE_FOV_DEGREES / 2 * HW_PI / 180);
     return view;
@@ -198,10 +203,9 @@ static void record_window(const hw_capture_window *window, hw_far_record *record
 }
 
 hw_status hw_svmesh_capture(const hw_svmesh_job *job, const hw_capture_window *window,
-                            hw_capture *out)
+                            uint32_t samples, hw_capture *out)
 {
-    HW_TRY(hw_capture_object(job->capturer, job->object_idx, window, job->options->capture_samples,
-                             out));
+    HW_TRY(hw_capture_object(job->capturer, job->object_idx, window, samples, out));
     hw_capture_dilate(out, DILATION_TEXELS);
     return HW_OK;
 }
@@ -232,8 +236,7 @@ static hw_status quantise_mesh(const hw_svmesh_job *job, const hw_view_mesh *mes
     hw_status status;
     hw_far_record *record = &out->record;
     uint32_t *remap = NULL;
-    double min[3], max[3], focal = job->view->focal_px,
-                           parallax = focal * job->view->size;
+    double min[3], max[3], focal = job->view->focal_px, parallax = focal * job->view->size;
     image_bounds(mesh, min, max);
     record->iz_min = (float)(min[2] / parallax);
     record->iz_max = (float)fmax(max[2] / parallax, record->iz_min * (1 + 1e-5));
@@ -327,8 +330,7 @@ static double self_occlusion(const hw_svmesh_job *job)
     }
     if (!(least < INFINITY))
         return 0; // nothing faces the cell
-    return hw_self_occluding_error(job->view->size, least, most - least,
-                                   HW_REFERENCE_IMAGE_PX);
+    return hw_self_occluding_error(job->view->size, least, most - least, HW_REFERENCE_IMAGE_PX);
 }
 
 // Whether the whole object lies in front of the plane through the cell centre that its window is
@@ -344,16 +346,17 @@ static bool in_front(const hw_svmesh_job *job)
 }
 
 // Whether the object is an SVMesh, an MVMesh (job->multi_view) or near.
-static bool must_be_near(hw_svmesh_job *job)
+static bool must_be_near(hw_svmesh_job *job, double *error)
 {
     const hw_far_options *options = job->options;
     job->multi_view = false;
+    *error = INFINITY;
     if (job->distance.nearest <= 0 || !in_front(job))
         return true;
-    double error = self_occlusion(job);
-    if (error < options->self_occlusion_px)
+    *error = self_occlusion(job);
+    if (*error < options->self_occlusion_px)
         return false;
-    job->multi_view = job->view->id.level == 0 && error < options->multi_view_px;
+    job->multi_view = job->view->id.level == 0 && *error < options->multi_view_px;
     return !job->multi_view;
 }
 
@@ -363,10 +366,12 @@ hw_status hw_svmesh_derive(hw_svmesh_job *job, bool *is_near, hw_svmesh *out)
     hw_view_mesh mesh = {0};
     hw_capture_window window;
     memset(out, 0, sizeof *out);
-    *is_near = must_be_near(job);
+    double error;
+    *is_near = must_be_near(job, &error);
     if (*is_near)
         return HW_OK;
-    HW_GO(job->options->policy->simplify(job, &mesh));
+    bool flat = error < job->options->impostor_px;
+    HW_GO(flat ? hw_impostor_make(job, &mesh) : job->options->policy->simplify(job, &mesh));
     if (mesh.index_count == 0)
         goto out;
     if (!hw_svmesh_window(job, &mesh, &window)) {
@@ -380,7 +385,9 @@ hw_status hw_svmesh_derive(hw_svmesh_job *job, bool *is_near, hw_svmesh *out)
     if (out->record.index_count == 0)
         goto out;
     out->record.bounds = record_bounds(out, job->view->centre);
-    HW_GO(hw_svmesh_capture(job, &window, &out->capture));
+    out->record.cut_out = flat;
+    HW_GO(hw_svmesh_capture(job, &window, flat ? IMPOSTOR_SAMPLES : job->options->capture_samples,
+                            &out->capture));
     if (job->multi_view)
         HW_GO(hw_mvmesh_add_views(job, out));
 out:

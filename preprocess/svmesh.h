@@ -28,6 +28,7 @@ typedef struct hw_far_options {
     double edge_length_px;     // T_l of the thesis policy
     double outline_px;         // outline deviation of the chain level at the effective distance
     double interior_px;        // tolerance for patches that face the whole cell (screen policy)
+    double impostor_px;        // objects with a smaller self-occluding error are impostors
     uint32_t capture_side_max; // larger captures make an object near
     uint32_t capture_samples;  // rays per texel and axis
 } hw_far_options;
@@ -136,4 +137,4 @@ bool hw_capture_window_fit(const hw_svmesh_job *job, hw_vec3 eye, int face,
 void hw_capture_window_inner(const hw_capture_window *window, float range[4], hw_rect *rect);
 // Captures the object through the window and dilates the colours.
 HW_MUST_USE hw_status hw_svmesh_capture(const hw_svmesh_job *job, const hw_capture_window *window,
-                                        hw_capture *out);
+                                        uint32_t samples, hw_capture *out);

@@ -5,15 +5,17 @@
 #include "far_views.h"
 #include "ground.h"
 #include "hierarchy.h"
-#include "near_meshes.h"
+#include "prefetch.h"
 #include "renderer_internal.h"
 #include "shaders.h"
+#include "store.h"
 #include "system.h"
 #include <string.h>
+#include <time.h>
 
-#define CELLS_MAX         12u
-#define CELL_BYTES_BUDGET (UINT64_C(24) << 20) // of GPU memory, but the current cell always stays
-#define NEAR_BYTES_BUDGET (UINT64_C(96) << 20)
+#define SCRATCH_RECORDS_MAX 65536u // far records that there is room for from the start, at most
+#define FIRST_WAIT_S        0.002  // between looks, while there is nothing to draw
+#define FIRST_SIMULATED_S   0.02
 
 #define RANGE_INDICES 30000u // of one draw call, whole triangles
 
@@ -31,7 +33,6 @@ _Static_assert(sizeof(far_uniform) == 80, "a far record's uniforms are 80 bytes"
 // What the frame needs of a near object beside its mesh; per object of the manifest.
 typedef struct near_object {
     float normal[9]; // world <- mesh, for normals; column-major
-    float stretch;
     bool mirrored;
 } near_object;
 
@@ -46,21 +47,28 @@ typedef struct near_program {
     GLint clip, normal, color;
 } near_program;
 
+typedef struct far_program {
+    GLuint name;
+    GLint first_record;
+} far_program;
+
 typedef struct hybrid {
     hw_gpu_account *account;
     char *dataset;
     hw_manifest manifest;
     near_object *objects;
-    hw_near_meshes *meshes;
-    hw_cell_gpu cells[CELLS_MAX];
-    uint64_t frame; // counts prepares and draws
+    float *stretch; // of each object
+    hw_store *store;
+    hw_prefetch *prefetch;    // NULL: frames wait for what they lack
+    bool simulated, drawable; // drawable: a cell was ready once
+    double simulated_s;
     hw_ground_gl ground;
     near_program near_plain, near_textured;
+    far_program far_opaque, far_cut_out;
     hw_far_views_gl far_views;
-    GLuint far_program;
-    GLint far_first_record;
     hw_gpu_buffer far_uniforms;
     hw_gpu_pace pace;
+    hw_debug_view debug;
     // Scratch for the near objects and far records of a frame's cells; capacities in items.
     size_t near_capacity, far_capacity;
     uint32_t *visible;
@@ -74,13 +82,13 @@ typedef struct hybrid {
 static void hybrid_destroy(void *state)
 {
     hybrid *h = state;
-    for (uint32_t i = 0; i < CELLS_MAX; i++)
-        hw_cell_gpu_free(h->account, &h->cells[i]);
-    hw_near_meshes_destroy(h->meshes);
+    hw_prefetch_destroy(h->prefetch);
+    hw_store_destroy(h->store);
     hw_ground_gl_destroy(h->account, &h->ground);
     hw_gpu_buffer_destroy(h->account, &h->far_uniforms);
     hw_far_views_gl_destroy(&h->far_views);
-    const GLuint programs[] = {h->near_plain.name, h->near_textured.name, h->far_program};
+    const GLuint programs[] = {h->near_plain.name, h->near_textured.name, h->far_opaque.name,
+                               h->far_cut_out.name};
     for (size_t i = 0; i < sizeof programs / sizeof *programs; i++) {
         if (programs[i])
             glDeleteProgram(programs[i]);
@@ -91,6 +99,7 @@ static void hybrid_destroy(void *state)
     hw_free(h->near);
     hw_free(h->far);
     hw_free(h->objects);
+    hw_free(h->stretch);
     hw_manifest_free(&h->manifest);
     hw_free(h->dataset);
     hw_free(h);
@@ -105,13 +114,14 @@ static hw_status make_near_program(const char *defines, near_program *out)
     return HW_OK;
 }
 
-static hw_status make_far_program(hybrid *h)
+#define FAR_DEFINES "#define FAR_PAGE_RECORDS " VALUE(HW_FAR_PAGE_RECORDS) "\n"
+
+static hw_status make_far_program(const char *defines, far_program *out)
 {
-    HW_TRY(hw_gpu_program("far", "#define FAR_PAGE_RECORDS " VALUE(HW_FAR_PAGE_RECORDS) "\n",
-                          hw_shader_far_vert, hw_shader_far_frag, &h->far_program));
-    h->far_first_record = glGetUniformLocation(h->far_program, "u_first_record");
-    GLuint block = glGetUniformBlockIndex(h->far_program, "FarRecords");
-    glUniformBlockBinding(h->far_program, block, 0);
+    HW_TRY(hw_gpu_program("far", defines, hw_shader_far_vert, hw_shader_far_frag, &out->name));
+    out->first_record = glGetUniformLocation(out->name, "u_first_record");
+    GLuint block = glGetUniformBlockIndex(out->name, "FarRecords");
+    glUniformBlockBinding(out->name, block, 0);
     return hw_gpu_check("far program");
 }
 
@@ -121,51 +131,19 @@ static void make_near_object(const hw_manifest_object *object, near_object *out)
     (void)hw_mat4_inverse(object->transform, &inverse); // identity if singular: a flat object
     for (int k = 0; k < 9; k++)
         out->normal[k] = (float)inverse.m[k % 3 * 4 + k / 3];
-    out->stretch = (float)hw_mat4_stretch(&object->transform);
     out->mirrored = hw_mat4_mirrors(&object->transform);
 }
-
-static hw_status hybrid_create(const hw_renderer_desc *desc, hw_gpu_account *account, void **state)
-{
-    hw_status status = HW_OK;
-    hybrid *h = NULL;
-    HW_TRY(HW_NEW(&h, 1));
-    h->account = account;
-    HW_GO(hw_strdup(&h->dataset, desc->dataset));
-    HW_GO(hw_manifest_read(h->dataset, &h->manifest));
-    HW_GO(HW_NEW(&h->objects, h->manifest.object_count));
-    hw_box bounds = hw_box_empty();
-    for (uint32_t i = 0; i < h->manifest.object_count; i++) {
-        make_near_object(&h->manifest.objects[i], &h->objects[i]);
-        bounds = hw_box_union(bounds, h->manifest.objects[i].bounds);
-    }
-    HW_GO(hw_near_meshes_create(account, h->dataset, &h->manifest, NEAR_BYTES_BUDGET, &h->meshes));
-    HW_GO(hw_ground_gl_create(account, &h->manifest.ground, bounds, &h->ground));
-    HW_GO(make_near_program(NULL, &h->near_plain));
-    HW_GO(make_near_program("#define TEXTURED\n", &h->near_textured));
-    HW_GO(make_far_program(h));
-    HW_GO(hw_far_views_gl_create(&h->far_views));
-    *state = h;
-    h = NULL;
-out:
-    if (h)
-        hybrid_destroy(h);
-    return status;
-}
-
-// ---- loading ---------------------------------------------------------------------------------
 
 static size_t page_count(size_t records)
 {
     return (records + HW_FAR_PAGE_RECORDS - 1) / HW_FAR_PAGE_RECORDS;
 }
 
-// Scratch that suffices for the cells of a frame, one of each level.
-static hw_status reserve_scratch(hybrid *h, hw_cell_gpu *const *cells)
+// Scratch for so many near objects and far records. Cells have about as many as the first that
+// come: from then on nothing is allocated.
+static hw_status reserve_scratch(hybrid *h, size_t near, size_t far)
 {
-    size_t near = cells[0]->near_count, far = 0;
-    for (int32_t l = 0; l < h->manifest.grid.levels; l++)
-        far += page_count(cells[l]->far_count) * HW_FAR_PAGE_RECORDS;
+    far = page_count(far) * HW_FAR_PAGE_RECORDS;
     if (near <= h->near_capacity && far <= h->far_capacity)
         return HW_OK;
     if (near > h->near_capacity) {
@@ -187,60 +165,179 @@ static hw_status reserve_scratch(hybrid *h, hw_cell_gpu *const *cells)
     return HW_OK;
 }
 
-// A slot for one more cell: empty ones first, else the cells drawn longest ago go until count and
-// bytes are within their limits. Those of this frame stay.
-static hw_cell_gpu *make_room(hybrid *h)
+static hw_status make_loading(hybrid *h, const hw_streaming *streaming)
 {
-    while (true) {
-        hw_cell_gpu *empty = NULL, *oldest = NULL;
-        uint64_t bytes = 0;
-        for (uint32_t i = 0; i < CELLS_MAX; i++) {
-            hw_cell_gpu *cell = &h->cells[i];
-            bytes += cell->gpu_bytes;
-            if (!cell->loaded)
-                empty = cell;
-            else if (cell->used < h->frame && (!oldest || cell->used < oldest->used))
-                oldest = cell;
-        }
-        if (empty && (bytes <= CELL_BYTES_BUDGET || !oldest))
-            return empty;
-        hw_cell_gpu_free(h->account, oldest);
-    }
+    hw_loading loading = streaming->loading;
+    h->simulated = loading == HW_LOADING_SIMULATED || loading == HW_LOADING_SIMULATED_WAITS;
+    const hw_store_desc desc = {.location = h->dataset,
+                                .manifest = &h->manifest,
+                                .account = h->account,
+                                .mode = h->simulated                  ? HW_LOADER_SIMULATED
+                                        : loading == HW_LOADING_AHEAD ? HW_LOADER_THREAD
+                                                                      : HW_LOADER_WAITS,
+                                .gpu_budget = streaming->gpu_budget,
+                                .ram_budget = streaming->ram_budget,
+                                .frame_bytes = streaming->frame_bytes,
+                                .bytes_per_second = streaming->bytes_per_second};
+    HW_TRY(hw_store_create(&desc, &h->store));
+    if (loading == HW_LOADING_AHEAD || loading == HW_LOADING_SIMULATED)
+        HW_TRY(hw_prefetch_create(h->store, &h->manifest, h->stretch, &h->prefetch));
+    // Of most datasets' cells none has more records than there are objects.
+    size_t records = h->manifest.object_count;
+    records = records < SCRATCH_RECORDS_MAX ? records : SCRATCH_RECORDS_MAX;
+    return reserve_scratch(h, records,
+                           records + (size_t)h->manifest.grid.levels * HW_FAR_PAGE_RECORDS);
 }
 
-// Everything the cell needs before frames can be drawn in it, but the levels of its near meshes.
-static hw_status load_cell(hybrid *h, hw_cell_id id, hw_frame_stats *stats, hw_cell_gpu **out)
+static hw_status hybrid_create(const hw_renderer_desc *desc, hw_gpu_account *account, void **state)
 {
-    hw_cell_gpu *cell = make_room(h);
-    stats->stalls = 1;
-    HW_TRY(hw_cell_gpu_load(h->account, h->dataset, &h->manifest, id, cell));
-    stats->loaded_bytes += cell->file_bytes;
     hw_status status = HW_OK;
-    for (uint32_t i = 0; status == HW_OK && i < cell->near_count; i++) {
-        const hw_manifest_object *object = &h->manifest.objects[cell->near[i].object_idx];
-        status = hw_near_meshes_open(h->meshes, object->mesh_idx, object->texture_idx, stats);
+    hybrid *h = NULL;
+    HW_TRY(HW_NEW(&h, 1));
+    h->account = account;
+    HW_GO(hw_strdup(&h->dataset, desc->dataset));
+    HW_GO(hw_manifest_open(h->dataset, &h->manifest));
+    HW_GO(HW_NEW(&h->objects, h->manifest.object_count));
+    HW_GO(HW_NEW(&h->stretch, h->manifest.object_count));
+    hw_box bounds = hw_box_empty();
+    for (uint32_t i = 0; i < h->manifest.object_count; i++) {
+        make_near_object(&h->manifest.objects[i], &h->objects[i]);
+        h->stretch[i] = (float)hw_mat4_stretch(&h->manifest.objects[i].transform);
+        bounds = hw_box_union(bounds, h->manifest.objects[i].bounds);
     }
-    if (status != HW_OK)
-        hw_cell_gpu_free(h->account, cell);
-    *out = cell;
+    HW_GO(make_loading(h, &desc->streaming));
+    HW_GO(hw_ground_gl_create(account, &h->manifest.ground, bounds, &h->ground));
+    HW_GO(make_near_program(NULL, &h->near_plain));
+    HW_GO(make_near_program("#define TEXTURED\n", &h->near_textured));
+    HW_GO(make_far_program(FAR_DEFINES, &h->far_opaque));
+    HW_GO(make_far_program(FAR_DEFINES "#define CUT_OUT\n", &h->far_cut_out));
+    HW_GO(hw_far_views_gl_create(&h->far_views));
+    *state = h;
+    h = NULL;
+out:
+    if (h)
+        hybrid_destroy(h);
     return status;
 }
 
-static hw_status find_cell(hybrid *h, hw_cell_id id, hw_frame_stats *stats, hw_cell_gpu **out)
+// ---- loading ---------------------------------------------------------------------------------
+
+static hw_data_key cell_key(uint32_t index)
 {
-    *out = NULL;
-    for (uint32_t i = 0; i < CELLS_MAX && !*out; i++) {
-        hw_cell_gpu *cell = &h->cells[i];
-        if (cell->loaded && cell->id.level == id.level && cell->id.q == id.q && cell->id.r == id.r)
-            *out = cell;
+    return (hw_data_key){HW_DATA_CELL, index, 0};
+}
+
+static void use_cells(hybrid *h, hw_cell_gpu *const *cells)
+{
+    for (int32_t l = 0; l < h->manifest.grid.levels; l++)
+        hw_store_use_cell(h->store, cells[l]);
+}
+
+// Everything the cell needs before frames can be drawn in it, but the levels of its near meshes.
+static hw_status need_cell(hybrid *h, hw_cell_id id, hw_cell_gpu **out)
+{
+    uint32_t index;
+    if (!hw_store_find_cell(h->store, id, &index))
+        return hw_fail(HW_FORMAT, "%s: has no cell %d/%d_%d", h->dataset, id.level, id.q, id.r);
+    HW_TRY(hw_store_need(h->store, cell_key(index)));
+    const hw_cell_records *records = hw_store_records(h->store, index);
+    for (uint32_t i = 0; i < records->near_count; i++) {
+        const hw_manifest_object *object = &h->manifest.objects[records->near[i].object_idx];
+        hw_data_key mesh = {HW_DATA_MESH, object->mesh_idx, 0};
+        hw_data_key texture = {HW_DATA_TEXTURE, (uint32_t)object->texture_idx, 0};
+        HW_TRY(hw_store_need(h->store, mesh));
+        if (object->texture_idx >= 0)
+            HW_TRY(hw_store_need(h->store, texture));
     }
-    if (!*out)
-        HW_TRY(load_cell(h, id, stats, out));
-    (*out)->used = h->frame;
+    *out = hw_store_cell(h->store, index);
     return HW_OK;
 }
 
-// The viewer's cell of each level.
+// The cell and the groups that hold it, one of each level, if all can be drawn as they are.
+static bool is_chain_ready(hybrid *h, hw_cell_id id, hw_cell_gpu *out[HW_CELL_LEVELS_MAX])
+{
+    uint32_t index;
+    for (int32_t l = 0; l < h->manifest.grid.levels; l++, id = hw_cell_parent(id)) {
+        out[l] = hw_store_find_cell(h->store, id, &index) ? hw_store_cell(h->store, index) : NULL;
+        if (!out[l] || !hw_store_has_near(h->store, out[l]->records))
+            return false;
+    }
+    return true;
+}
+
+// The chain of the closest cell that is ready. Chains are not mixed: an object that is missing in
+// the cell of one is in those of its other levels.
+static bool find_closest_chain(hybrid *h, hw_vec3 eye, hw_cell_gpu *out[HW_CELL_LEVELS_MAX])
+{
+    hw_cell_gpu *chain[HW_CELL_LEVELS_MAX];
+    float least = INFINITY;
+    for (uint32_t i = 0; i < HW_STORE_CELLS_MAX; i++) {
+        const hw_cell_gpu *cell = hw_store_ready_cell(h->store, i);
+        if (!cell || cell->id.level != 0)
+            continue;
+        hw_vec3 away = hw_v3_sub(hw_cell_centre(&h->manifest.grid, cell->id), eye);
+        float distance = hypotf(away.x, away.y);
+        if (distance >= least || !is_chain_ready(h, cell->id, chain))
+            continue;
+        least = distance;
+        memcpy(out, chain, sizeof chain);
+    }
+    return least < INFINITY;
+}
+
+// What the chain's first frame waits for has failed to load.
+static bool has_failed(hybrid *h, hw_cell_id id)
+{
+    uint32_t index;
+    bool failed = false;
+    for (int32_t l = 0; l < h->manifest.grid.levels; l++, id = hw_cell_parent(id)) {
+        if (!hw_store_find_cell(h->store, id, &index))
+            return true;
+        const hw_cell_records *records = hw_store_records(h->store, index);
+        failed = failed || hw_store_failed(h->store, cell_key(index));
+        for (uint32_t i = 0; records && i < records->near_count; i++) {
+            const hw_manifest_object *object = &h->manifest.objects[records->near[i].object_idx];
+            hw_data_key mesh = {HW_DATA_MESH, object->mesh_idx, 0};
+            hw_data_key texture = {HW_DATA_TEXTURE, (uint32_t)object->texture_idx, 0};
+            failed = failed || hw_store_failed(h->store, mesh) ||
+                     (object->texture_idx >= 0 && hw_store_failed(h->store, texture));
+        }
+    }
+    return failed;
+}
+
+static double now_s(const hybrid *h)
+{
+    return h->simulated ? h->simulated_s : hw_clock_ms() / 1000;
+}
+
+static void begin_loading(hybrid *h, const hw_camera *camera)
+{
+    hw_store_begin_frame(h->store, now_s(h), !h->drawable);
+    if (h->prefetch)
+        hw_prefetch_update(h->prefetch, camera, now_s(h));
+}
+
+// Only until there has once been something to draw.
+static hw_status wait_for_chain(hybrid *h, const hw_camera *camera, hw_cell_id id,
+                                hw_cell_gpu *out[HW_CELL_LEVELS_MAX])
+{
+    const struct timespec pause = {0, (long)(FIRST_WAIT_S * 1e9)};
+    while (!is_chain_ready(h, id, out)) {
+        if (has_failed(h, id))
+            return hw_fail(HW_IO, "%s", hw_store_get_stats(h->store).problem);
+        if (h->simulated) {
+            h->simulated_s += FIRST_SIMULATED_S;
+            hw_store_simulate(h->store, h->simulated_s);
+        } else {
+            nanosleep(&pause, NULL);
+        }
+        begin_loading(h, camera);
+    }
+    return HW_OK;
+}
+
+// The viewer's cell of each level; with prefetching, the best there is.
 static hw_status find_cells(hybrid *h, const hw_camera *camera, hw_frame_stats *stats,
                             hw_cell_gpu *out[HW_CELL_LEVELS_MAX])
 {
@@ -248,29 +345,50 @@ static hw_status find_cells(hybrid *h, const hw_camera *camera, hw_frame_stats *
     stats->cell_q = id.q;
     stats->cell_r = id.r;
     stats->cell_level = id.level;
-    for (int32_t l = 0; l < h->manifest.grid.levels; l++) {
-        HW_TRY(find_cell(h, id, stats, &out[l]));
-        id = hw_cell_parent(id);
+    if (!h->prefetch) {
+        for (int32_t l = 0; l < h->manifest.grid.levels; l++, id = hw_cell_parent(id))
+            HW_TRY(need_cell(h, id, &out[l]));
+    } else if (!is_chain_ready(h, id, out)) {
+        if (!h->drawable)
+            HW_TRY(wait_for_chain(h, camera, id, out));
+        else if (find_closest_chain(h, camera->eye, out))
+            stats->stream.late_cells = (uint32_t)h->manifest.grid.levels;
+        else
+            return hw_fail(HW_INTERNAL, "%s: no cell is left to draw", h->dataset);
     }
-    return reserve_scratch(h, out);
+    h->drawable = true;
+    use_cells(h, out);
+    size_t near = out[0]->records->near_count, far = 0;
+    for (int32_t l = 0; l < h->manifest.grid.levels; l++) {
+        far += page_count(out[l]->records->far_count) * HW_FAR_PAGE_RECORDS;
+        if (stats->stream.late_cells)
+            stats->stream.missing += out[l]->records->far_count;
+    }
+    return reserve_scratch(h, near, far);
 }
 
 // ---- near objects ----------------------------------------------------------------------------
 
-// The coarsest level whose surface error stays below the dataset's tolerance at this distance.
-static uint32_t choose_level(const hybrid *h, const hw_near_record *record, double focal_px,
-                             float distance)
+// The level of detail of a near object at this distance: waits for it, or takes the best there is.
+static hw_status get_level(hybrid *h, uint32_t object_idx, double focal_px, float distance,
+                           hw_frame_stats *stats, const hw_near_level **out)
 {
-    const hw_manifest_object *object = &h->manifest.objects[record->object_idx];
-    if (!(distance > 0))
-        return 0;
-    double error = h->manifest.near_error_px * distance / focal_px;
-    return hw_near_meshes_choose(h->meshes, object->mesh_idx,
-                                 error / h->objects[record->object_idx].stretch);
+    hw_data_key key = {HW_DATA_LEVEL, h->manifest.objects[object_idx].mesh_idx, 0};
+    const hw_mesh_table *table = hw_store_table(h->store, key.index);
+    key.level = hw_prefetch_level(table, h->manifest.near_error_px, focal_px,
+                                  (double)h->stretch[object_idx], (double)distance);
+    if (!h->prefetch)
+        HW_TRY(hw_store_need(h->store, key));
+    *out = hw_store_level(h->store, key.index, key.level);
+    if (!h->prefetch || *out == &table->items[key.level].level)
+        return HW_OK;
+    stats->stream.missing++;
+    hw_prefetch_urge(h->prefetch, key);
+    return HW_OK;
 }
 
 // Near objects in view, front to back, with their levels, into h->near.
-static hw_status choose_near(hybrid *h, const hw_cell_gpu *cell, const hw_camera *camera,
+static hw_status choose_near(hybrid *h, const hw_cell_records *cell, const hw_camera *camera,
                              const hw_frustum *frustum, hw_frame_stats *stats, uint32_t *out_count)
 {
     double focal_px = hw_camera_focal_px(camera);
@@ -282,14 +400,12 @@ static hw_status choose_near(hybrid *h, const hw_cell_gpu *cell, const hw_camera
         h->order[i] = (hw_cull_item){distance, h->visible[i]};
     }
     hw_cull_sort(h->order, count, h->order_scratch);
-    for (uint32_t i = 0; i < count; i++) {
-        const hw_near_record *record = &cell->near[h->order[i].index];
-        uint32_t level = choose_level(h, record, focal_px, h->order[i].key);
-        h->near[i].object_idx = record->object_idx;
-        HW_TRY(hw_near_meshes_get(h->meshes, h->manifest.objects[record->object_idx].mesh_idx,
-                                  level, h->frame, stats, &h->near[i].level));
-    }
     *out_count = count;
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t object_idx = cell->near[h->order[i].index].object_idx;
+        h->near[i].object_idx = object_idx;
+        HW_TRY(get_level(h, object_idx, focal_px, h->order[i].key, stats, &h->near[i].level));
+    }
     return HW_OK;
 }
 
@@ -301,7 +417,7 @@ static void draw_near(hybrid *h, uint32_t count, const hw_mat4 *matrix, hw_frame
         const hw_manifest_object *object = &h->manifest.objects[h->near[i].object_idx];
         const near_object *extra = &h->objects[h->near[i].object_idx];
         const hw_near_level *level = h->near[i].level;
-        GLuint texture = hw_near_meshes_texture(h->meshes, object->texture_idx);
+        GLuint texture = hw_store_texture(h->store, object->texture_idx);
         bool textured = texture && level->has_uvs;
         const near_program *program = textured ? &h->near_textured : &h->near_plain;
         if (program != bound)
@@ -334,8 +450,9 @@ static void draw_near(hybrid *h, uint32_t count, const hw_mat4 *matrix, hw_frame
 static void draw_range(hybrid *h, const hw_cell_gpu *cell, uint32_t first, uint32_t end,
                        hw_frame_stats *stats)
 {
-    uint32_t index = cell->far[first].first_index;
-    uint32_t index_end = cell->far[end - 1].first_index + cell->far[end - 1].index_count;
+    const hw_far_draw *far = cell->records->far;
+    uint32_t index = far[first].first_index;
+    uint32_t index_end = far[end - 1].first_index + far[end - 1].index_count;
     stats->far_triangles += (index_end - index) / 3;
     while (index < index_end) {
         uint32_t left = index_end - index, count = left < RANGE_INDICES ? left : RANGE_INDICES;
@@ -352,16 +469,16 @@ static void draw_range(hybrid *h, const hw_cell_gpu *cell, uint32_t first, uint3
 typedef struct far_list {
     const hw_cell_gpu *cell;
     uint32_t first_page, first_visible, count;
-    uint32_t multi_count; // the first of them are MVMeshes
+    uint32_t multi_count, opaque_count; // of the visible ones, as in hw_cell_records
 } far_list;
 
 // Draws the visible records [begin, end) of the list, all of one page.
-static void draw_page(hybrid *h, const far_list *list, uint32_t begin, uint32_t end,
-                      hw_frame_stats *stats)
+static void draw_page(hybrid *h, const far_program *program, const far_list *list, uint32_t begin,
+                      uint32_t end, hw_frame_stats *stats)
 {
     const uint32_t *visible = h->visible + list->first_visible;
     uint32_t page = visible[begin] / HW_FAR_PAGE_RECORDS;
-    glUniform1i(h->far_first_record, (GLint)(page * HW_FAR_PAGE_RECORDS));
+    glUniform1i(program->first_record, (GLint)(page * HW_FAR_PAGE_RECORDS));
     glBindBufferRange(GL_UNIFORM_BUFFER, 0, h->far_uniforms.name,
                       (GLintptr)((list->first_page + page) * PAGE_BYTES), PAGE_BYTES);
     uint32_t start = begin;
@@ -377,13 +494,13 @@ static void draw_page(hybrid *h, const far_list *list, uint32_t begin, uint32_t 
 static far_list list_far(hybrid *h, const hw_cell_gpu *cell, const hw_mat4 *matrix,
                          const hw_frustum *frustum, uint32_t first_page)
 {
-    far_list list = {cell, first_page, first_page * HW_FAR_PAGE_RECORDS, 0, 0};
+    far_list list = {cell, first_page, first_page * HW_FAR_PAGE_RECORDS, 0, 0, 0};
     uint32_t *visible = h->visible + list.first_visible;
-    list.count = hw_cull_visible(&cell->far_bounds, frustum, visible);
-    while (list.multi_count < list.count && visible[list.multi_count] < cell->multi_count)
-        list.multi_count++;
-    for (uint32_t i = list.multi_count; i < list.count; i++) {
-        const hw_far_draw *far = &cell->far[visible[i]];
+    list.count = hw_cull_visible(&cell->records->far_bounds, frustum, visible);
+    for (uint32_t i = 0; i < list.count; i++) {
+        const hw_far_draw *far = &cell->records->far[visible[i]];
+        list.multi_count += visible[i] < cell->records->multi_count;
+        list.opaque_count += visible[i] < cell->records->opaque_count;
         far_uniform *uniform = &h->far[list.first_visible + visible[i]];
         hw_mat4 product = hw_mat4_mul(*matrix, far->matrix);
         hw_mat4_to_float(&product, uniform->clip);
@@ -392,47 +509,60 @@ static far_list list_far(hybrid *h, const hw_cell_gpu *cell, const hw_mat4 *matr
     return list;
 }
 
-static void draw_list(hybrid *h, const far_list *list, const hw_far_views_frame *views,
-                      hw_frame_stats *stats)
+// Draws the visible records [begin, end) of the list, page by page.
+static void draw_list(hybrid *h, const far_program *program, const far_list *list, uint32_t begin,
+                      uint32_t end, hw_frame_stats *stats)
 {
     const uint32_t *visible = h->visible + list->first_visible;
-    if (list->count == 0)
+    if (begin == end)
         return;
     glBindTexture(GL_TEXTURE_2D, list->cell->atlas.name);
     glBindVertexArray(list->cell->array);
-    for (uint32_t i = 0; i < list->multi_count; i++)
-        hw_far_views_gl_draw(&h->far_views, views, list->cell, visible[i]);
-    if (list->count == list->multi_count)
-        return;
-    glUseProgram(h->far_program);
-    uint32_t begin = list->multi_count;
-    for (uint32_t i = begin + 1; i <= list->count; i++) {
-        if (i < list->count &&
-            visible[i] / HW_FAR_PAGE_RECORDS == visible[begin] / HW_FAR_PAGE_RECORDS)
+    for (uint32_t i = begin + 1; i <= end; i++) {
+        if (i < end && visible[i] / HW_FAR_PAGE_RECORDS == visible[begin] / HW_FAR_PAGE_RECORDS)
             continue;
-        draw_page(h, list, begin, i, stats);
+        draw_page(h, program, list, begin, i, stats);
         begin = i;
     }
 }
 
-// Level by level, near to far; the uniforms of all go up before the first is drawn.
-static void draw_far(hybrid *h, hw_cell_gpu *const *cells, const hw_camera *camera,
-                     const hw_mat4 *matrix, const hw_frustum *frustum, hw_frame_stats *stats)
+static void draw_views(hybrid *h, const far_list *list, const hw_far_views_frame *frame)
 {
-    hw_far_views_frame views = {matrix, camera->eye, &h->pace, stats};
+    if (list->multi_count == 0)
+        return;
+    glBindTexture(GL_TEXTURE_2D, list->cell->atlas.name);
+    glBindVertexArray(list->cell->array);
+    for (uint32_t i = 0; i < list->multi_count; i++)
+        hw_far_views_gl_draw(&h->far_views, frame, list->cell, h->visible[list->first_visible + i]);
+}
+
+// MVMeshes; what else is opaque, then what is cut out, which software GL cannot test for depth early; each level
+// by level, near to far. The uniforms of all go up before the first is drawn.
+static void draw_far(hybrid *h, hw_cell_gpu *const *cells, const hw_far_views_frame *frame,
+                     const hw_frustum *frustum)
+{
+    hw_frame_stats *stats = frame->stats;
     far_list lists[HW_CELL_LEVELS_MAX];
     uint32_t pages = 0, count = 0;
     for (int32_t l = 0; l < h->manifest.grid.levels; l++) {
-        lists[l] = list_far(h, cells[l], matrix, frustum, pages);
-        pages += (uint32_t)page_count(cells[l]->far_count);
+        lists[l] = list_far(h, cells[l], frame->matrix, frustum, pages);
+        pages += (uint32_t)page_count(cells[l]->records->far_count);
         count += lists[l].count;
     }
     if (count == 0)
         return;
     glBindBuffer(GL_UNIFORM_BUFFER, h->far_uniforms.name);
     glBufferSubData(GL_UNIFORM_BUFFER, 0, (GLsizeiptr)(pages * PAGE_BYTES), h->far);
+    hw_debug_tint(&h->debug, HW_REPRESENTATION_MVMESH);
     for (int32_t l = 0; l < h->manifest.grid.levels; l++)
-        draw_list(h, &lists[l], &views, stats);
+        draw_views(h, &lists[l], frame);
+    hw_debug_tint(&h->debug, HW_REPRESENTATION_SVMESH);
+    glUseProgram(h->far_opaque.name);
+    for (int32_t l = 0; l < h->manifest.grid.levels; l++)
+        draw_list(h, &h->far_opaque, &lists[l], lists[l].multi_count, lists[l].opaque_count, stats);
+    glUseProgram(h->far_cut_out.name);
+    for (int32_t l = 0; l < h->manifest.grid.levels; l++)
+        draw_list(h, &h->far_cut_out, &lists[l], lists[l].opaque_count, lists[l].count, stats);
 }
 
 // ---- frames ----------------------------------------------------------------------------------
@@ -444,26 +574,60 @@ typedef struct frame_view {
     uint32_t near_count;
 } frame_view;
 
+static void put_stream_stats(const hybrid *h, const hw_store_stats *before, hw_frame_stats *stats)
+{
+    hw_store_stats s = hw_store_get_stats(h->store);
+    hw_stream_stats *to = &stats->stream;
+    to->queued = s.queued;
+    to->gpu_bytes = s.gpu_bytes;
+    to->gpu_budget = s.gpu_budget;
+    to->ram_bytes = s.ram_bytes;
+    to->ram_budget = s.ram_budget;
+    to->read_bytes = s.read_bytes;
+    to->uploaded_bytes = s.uploaded_bytes;
+    to->waited_ms = (s.slept_s - before->slept_s) * 1000;
+    to->problem_count = s.problem_count;
+    to->problem = s.problem;
+    if (!h->prefetch) {
+        stats->loaded_bytes = s.read_bytes - before->read_bytes;
+        stats->stalls = s.news != before->news;
+    }
+}
+
 // Loads what is missing, and chooses the near objects.
 static hw_status begin_frame(hybrid *h, const hw_camera *camera, hw_frame_stats *stats,
                              frame_view *view)
 {
     double start = hw_clock_ms();
-    h->frame++;
+    hw_store_stats before = hw_store_get_stats(h->store);
+    const hw_camera *culling = hw_debug_culling_camera(&h->debug, camera);
+    hw_mat4 culling_matrix = hw_camera_view_projection(culling);
     view->matrix = hw_camera_view_projection(camera);
-    view->frustum = hw_frustum_make(&view->matrix);
-    hw_status status = find_cells(h, camera, stats, view->cells);
+    view->frustum = hw_frustum_make(&culling_matrix);
+    begin_loading(h, culling);
+    hw_status status = find_cells(h, culling, stats, view->cells);
     if (status == HW_OK)
-        status = choose_near(h, view->cells[0], camera, &view->frustum, stats, &view->near_count);
+        status = choose_near(h, view->cells[0]->records, culling, &view->frustum, stats,
+                             &view->near_count);
+    put_stream_stats(h, &before, stats);
     if (stats->stalls)
-        stats->load_ms = hw_clock_ms() - start;
+        stats->load_ms = hw_clock_ms() - start + stats->stream.waited_ms;
     return status;
 }
 
 static hw_status hybrid_prepare(void *state, const hw_camera *camera, hw_frame_stats *stats)
 {
+    hybrid *h = state;
     frame_view view;
-    return begin_frame(state, camera, stats, &view);
+    return h->prefetch && h->drawable ? HW_OK : begin_frame(h, camera, stats, &view);
+}
+
+static void hybrid_advance(void *state, double dt_s)
+{
+    hybrid *h = state;
+    h->simulated_s += dt_s;
+    if (h->simulated)
+        hw_store_simulate(h->store, h->simulated_s);
 }
 
 static hw_status hybrid_draw(void *state, const hw_camera *camera, hw_frame_stats *stats)
@@ -474,14 +638,24 @@ static hw_status hybrid_draw(void *state, const hw_camera *camera, hw_frame_stat
     hw_ground_gl_begin();
     hw_ground_gl_draw(&h->ground, &view.matrix, stats);
     hw_gpu_pace_flush(&h->pace);
+    hw_debug_tint(&h->debug, HW_REPRESENTATION_NEAR);
     draw_near(h, view.near_count, &view.matrix, stats);
-    draw_far(h, view.cells, camera, &view.matrix, &view.frustum, stats);
+    const hw_far_views_frame frame = {&view.matrix, camera->eye, &h->pace, stats};
+    draw_far(h, view.cells, &frame, &view.frustum);
     glBindVertexArray(0);
     stats->triangles += stats->near_triangles + stats->far_triangles;
     return HW_OK;
 }
 
+static void hybrid_set_debug_view(void *state, const hw_debug_view *view)
+{
+    hybrid *h = state;
+    h->debug = *view;
+}
+
 const hw_renderer_backend hw_draw_hybrid = {.create = hybrid_create,
                                             .destroy = hybrid_destroy,
                                             .prepare = hybrid_prepare,
-                                            .draw = hybrid_draw};
+                                            .draw = hybrid_draw,
+                                            .set_debug_view = hybrid_set_debug_view,
+                                            .advance = hybrid_advance};

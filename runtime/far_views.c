@@ -46,7 +46,7 @@ static void find_angles(const hw_cell_gpu *cell, const hw_far_draw *far, hw_vec3
     hw_vec3 to_eye = hw_v3_normalize(hw_v3_sub(eye, far->middle));
     for (uint32_t k = 0; k < far->view_count; k++) {
         hw_vec3 to_view =
-            hw_v3_normalize(hw_v3_sub(cell->views[far->first_view + k].eye, far->middle));
+            hw_v3_normalize(hw_v3_sub(cell->records->views[far->first_view + k].eye, far->middle));
         angles[k] = acosf(fminf(fmaxf(hw_v3_dot(to_eye, to_view), -1), 1));
     }
 }
@@ -110,8 +110,8 @@ static void draw_indices(const drawing *d, choice c, uint32_t first, uint32_t co
 void hw_far_views_gl_draw(const hw_far_views_gl *gl, const hw_far_views_frame *frame,
                           const hw_cell_gpu *cell, uint32_t index)
 {
-    const hw_far_draw *far = &cell->far[index];
-    drawing d = {.gl = gl, .frame = frame, .views = cell->views + far->first_view};
+    const hw_far_draw *far = &cell->records->far[index];
+    drawing d = {.gl = gl, .frame = frame, .views = cell->records->views + far->first_view};
     float angles[HW_FAR_VIEWS_MAX];
     hw_mat4 product = hw_mat4_mul(*frame->matrix, far->matrix);
     hw_mat4_to_float(&product, d.clip);
@@ -120,7 +120,7 @@ void hw_far_views_gl_draw(const hw_far_views_gl *gl, const hw_far_views_frame *f
     uint32_t first = far->first_index, count = 0;
     choice last = {NONE, NONE, 0};
     for (uint32_t i = 0; i < far->range_count; i++) {
-        const hw_far_range *range = &cell->ranges[far->first_range + i];
+        const hw_far_range *range = &cell->records->ranges[far->first_range + i];
         choice c = choose(range->views, angles);
         if (count > 0 && (c.first != last.first || c.second != last.second)) {
             draw_indices(&d, last, first, count);

@@ -24,6 +24,6 @@ typedef struct hw_far_views_frame {
     hw_gpu_pace *pace;
     hw_frame_stats *stats;
 } hw_far_views_frame;
-// Draws cell->far[index], an MVMesh. The cell's atlas and vertex array are bound already.
+// Draws cell->records->far[index], an MVMesh. The cell's atlas and vertex array are bound already.
 void hw_far_views_gl_draw(const hw_far_views_gl *gl, const hw_far_views_frame *frame,
                           const hw_cell_gpu *cell, uint32_t index);

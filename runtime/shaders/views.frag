@@ -1,7 +1,7 @@
 #ifdef COLORED
 in vec3 v_color;
 #else
-uniform sampler2D u_atlas; // opaque: alpha is 1
+uniform sampler2D u_atlas;
 in vec3 v_first;
 #endif
 #ifdef BLENDED
@@ -14,8 +14,8 @@ void main()
 #if defined(COLORED)
     o_color = vec4(v_color, 1.0);
 #elif defined(BLENDED)
-    o_color = mix(textureProj(u_atlas, v_first), textureProj(u_atlas, v_second), u_blend);
+    o_color = vec4(mix(textureProj(u_atlas, v_first).rgb, textureProj(u_atlas, v_second).rgb, u_blend), 1.0);
 #else
-    o_color = textureProj(u_atlas, v_first);
+    o_color = vec4(textureProj(u_atlas, v_first).rgb, 1.0);
 #endif
 }
