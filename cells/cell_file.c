@@ -149,7 +149,7 @@ static hw_status validate_far_views(const hw_cell *c, uint32_t index, uint32_t f
     if (f->first_view != first_view || f->view_count >= HW_FAR_VIEWS_MAX ||
         f->view_count > c->view_count - first_view || f->first_range != first_range ||
         f->range_count > RANGES_MAX || f->range_count > c->range_count - first_range ||
-        (f->view_count && !f->range_count))
+        (f->view_count && !f->range_count) || (f->cut_out && f->range_count))
         return hw_fail(HW_FORMAT, "%s: far object %u: views or ranges out of place", name, index);
     for (uint32_t i = 0; i < f->view_count; i++)
         HW_TRY(validate_view(c, index, &c->views[first_view + i], name));

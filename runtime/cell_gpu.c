@@ -118,7 +118,7 @@ static hw_status arrange(const hw_cell *cell, hw_cell_data *out)
         const hw_far_record *record = &cell->far[order[i].index];
         records->far[i] = make_draw(cell, record, first);
         records->multi_count += record->range_count > 0;
-        records->opaque_count += !record->cut_out || record->range_count > 0;
+        records->opaque_count += !record->cut_out;
         hw_cull_set_put(&records->far_bounds, i, record->bounds);
         for (uint32_t k = 0; k < record->vertex_count; k++)
             out->vertices[record->first_vertex + k].record = (uint16_t)i;

@@ -92,7 +92,7 @@ static UNUSED void fixture_views(hw_cell *cell, uint32_t index, hw_rng *rng)
     }
 }
 
-// far_count records of side x side vertices each, two thirds of them MVMeshes; free with
+// far_count records of side x side vertices each, two thirds of them MVMeshes, the others cut out; free with
 // hw_cell_free.
 static UNUSED void fixture_cell(hw_cell *cell, uint32_t near_count, uint32_t far_count,
                                 uint32_t side)
@@ -117,7 +117,7 @@ static UNUSED void fixture_cell(hw_cell *cell, uint32_t near_count, uint32_t far
     for (uint32_t i = 0; i < far_count; i++) {
         cell->far[i].first_view = cell->view_count;
         cell->far[i].first_range = cell->range_count;
-        if (i % 3 < 2)
+        if (!cell->far[i].cut_out)
             fixture_views(cell, i, &rng);
     }
     if (far_count == 0)

@@ -315,8 +315,8 @@ static void view_outside(hw_cell *c)
 }
 static void gap_in_views(hw_cell *c)
 {
-    c->far[1].first_view++;
-    c->far[1].view_count--;
+    c->far[2].first_view++;
+    c->far[2].view_count--;
 }
 static void views_without_ranges(hw_cell *c)
 {
@@ -329,7 +329,7 @@ static void many_views(hw_cell *c)
 }
 static void wrapping_ranges(hw_cell *c)
 {
-    c->far[1].range_count = UINT32_MAX;
+    c->far[2].range_count = UINT32_MAX;
 }
 static void lost_ranges(hw_cell *c)
 {
@@ -338,6 +338,10 @@ static void lost_ranges(hw_cell *c)
 static void unknown_view(hw_cell *c)
 {
     c->ranges[0].views = 8;
+}
+static void cut_out_multi_view(hw_cell *c)
+{
+    c->far[0].cut_out = true;
 }
 static void short_ranges(hw_cell *c)
 {
@@ -368,7 +372,7 @@ static void test_validation(void **state)
                                  odd_atlas,   no_atlas,        huge_atlas,      huge_count,
                                  view_face,   view_outside,    view_of_nothing, gap_in_views,
                                  many_views,  lost_ranges,     wrapping_ranges, unknown_view,
-                                 short_ranges, missing_colors, range_of_two_thirds,
+                                 short_ranges, missing_colors, range_of_two_thirds, cut_out_multi_view,
                                  view_from_nowhere, views_without_ranges,
                                  more_colors_than_vertices};
     for (size_t i = 0; i < sizeof breakers / sizeof *breakers; i++) {
