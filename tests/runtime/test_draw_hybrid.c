@@ -227,21 +227,20 @@ static void write_cell(const fixture *f, hw_cell_id id, bool with_far)
         // The depth range is wider than the flat quad: iz lies at 1/4 or 3/4 of it.
         float low = q == 0 ? 0.9f : 0.7f;
         uint16_t z = q == 0 ? 16384 : 49151;
-        cell.far[q] = (hw_far_record){NEAR_OBJECTS + q * 4,
-                                      FACE,
-                                      false,
-                                      quad->x_min,
-                                      quad->x_max,
-                                      quad->y_min,
-                                      quad->y_max,
-                                      iz * low,
-                                      iz * (low + 0.4f),
-                                      hw_box_empty(),
-                                      quad->rect,
-                                      q * 4,
-                                      4,
-                                      q * 6,
-                                      6};
+        cell.far[q] = (hw_far_record){.object_idx = NEAR_OBJECTS + q * 4,
+                                      .face = FACE,
+                                      .x_min = quad->x_min,
+                                      .x_max = quad->x_max,
+                                      .y_min = quad->y_min,
+                                      .y_max = quad->y_max,
+                                      .iz_min = iz * low,
+                                      .iz_max = iz * (low + 0.4f),
+                                      .bounds = hw_box_empty(),
+                                      .rect = quad->rect,
+                                      .first_vertex = q * 4,
+                                      .vertex_count = 4,
+                                      .first_index = q * 6,
+                                      .index_count = 6};
         for (uint32_t i = 0; i < 4; i++) {
             hw_box_add(&cell.far[q].bounds, quad_point(quad, cell.centre, i % 2, i / 2));
             cell.vertices[q * 4 + i] =
