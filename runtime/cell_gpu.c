@@ -33,8 +33,9 @@ static int find_bin(const hw_cell *cell, const hw_far_record *record)
     return 1 + sector + (record->cut_out ? SECTORS : 0);
 }
 
-// MVMeshes, front to back as seen from the cell centre; then other opaque records, then cut-out ones;
-// of each of these, sector by sector, front to back: order[i].index becomes the record to draw as the i-th.
+// MVMeshes, front to back as seen from the cell centre; then other opaque records, then cut-out
+// ones; of each of these, sector by sector, front to back: order[i].index becomes the record to
+// draw as the i-th.
 static void order_records(const hw_cell *cell, hw_cull_item *order, hw_cull_item *scratch)
 {
     for (uint32_t i = 0; i < cell->far_count; i++)

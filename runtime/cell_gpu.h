@@ -29,7 +29,8 @@ typedef struct hw_far_view_draw {
 // What a frame needs of a cell's records on the CPU.
 typedef struct hw_cell_records {
     uint32_t near_count, far_count;
-    // Of the far ones: MVMeshes come first, cut-out ones after the opaque ones (which MVMeshes are).
+    // Of the far ones: MVMeshes come first, cut-out ones after the opaque ones (which MVMeshes
+    // are).
     uint32_t multi_count, opaque_count;
     hw_near_record *near;
     hw_far_draw *far;

@@ -1,6 +1,6 @@
-// Crossings without pops (thesis 5.2.2): near a border a frame takes some of its pixels from the cell
-// beyond it, half of them on the border itself. The share depends on where the viewer stands and on
-// nothing else: pictures do not depend on the way there, and one may linger on a border.
+// Crossings without pops (thesis 5.2.2): near a border a frame takes some of its pixels from the
+// cell beyond it, half of them on the border itself. The share depends on where the viewer stands
+// and on nothing else: pictures do not depend on the way there, and one may linger on a border.
 //
 // Each pixel shows one of the two cells, chosen by a fixed pattern over the screen (a dissolve):
 // unlike blending, this needs no order of drawing, and depth stays right.

@@ -514,8 +514,7 @@ static void draw_near(hybrid *h, uint32_t count, float share, const hw_mat4 *mat
         const hw_near_level *level = h->near[i].level;
         GLuint texture = hw_store_texture(h->store, object->texture_idx);
         bool textured = texture && level->has_uvs;
-        const near_program *program =
-            &h->near_programs[textured][hw_fade_phase(h->near[i].fade)];
+        const near_program *program = &h->near_programs[textured][hw_fade_phase(h->near[i].fade)];
         if (program != bound)
             glUseProgram(program->name);
         bound = program;

@@ -532,6 +532,50 @@ static void test_texture_placement(void **state)
     hw_renderer_destroy(renderer);
 }
 
+// Inside a strip along the border each pixel is that of one cell or the other, the share of the
+// other rises to one half on the border, and what is near in both cells is whole. Only the home
+// cell has far objects.
+static void test_cells_dissolve(void **state)
+{
+    fixture *f = *state;
+    hw_cell_id home = hw_hexgrid_locate(&f->manifest.grid, 0, 0), other;
+    hw_vec3 centre = hw_cell_centre(&f->manifest.grid, home);
+    hw_renderer *hard = open_renderer(f), *soft;
+    const hw_renderer_desc desc = {
+        .config = HW_CONFIG_C, .dataset = f->folder, .crossing_width = 0.2};
+    assert_ok(hw_renderer_create(&desc, &soft));
+    const double border = hw_cell_border(&f->manifest.grid, home, centre.x, centre.y, &other);
+    hw_vec3 out = hw_v3_normalize(hw_v3_sub(hw_cell_centre(&f->manifest.grid, other), centre));
+    const double distances[] = {0.05, 2.5, 5, 7.5, 10.5}, shares[] = {0.5, 0.375, 0.25, 0.125, 0};
+    for (int i = 0; i < 5; i++) {
+        hw_vec3 eye = hw_v3_scale(out, (float)(border - distances[i]));
+        hw_camera camera = view(f, eye.x, eye.y, 0);
+        hw_image whole = render(f, hard, &camera, NULL), mixed = render(f, soft, &camera, NULL);
+        uint32_t objects = 0, gone = 0;
+        for (uint32_t p = 0; p < SIZE * SIZE; p++) {
+            const uint8_t *a = whole.data + (size_t)p * 4, *b = mixed.data + (size_t)p * 4;
+            objects += a[3] == 255;
+            gone += a[3] == 255 && b[3] == 0;
+            assert_true(b[3] == 0 || memcmp(a, b, 4) == 0 || a[3] == 255);
+        }
+        hw_image_free(&whole);
+        hw_image_free(&mixed);
+        uint32_t far = 0; // pixels where only far objects are
+        hw_scene scene = f->scene;
+        scene.object_count = NEAR_OBJECTS;
+        camera = view(f, eye.x, eye.y, 0);
+        hw_image near = model_render(HW_CONFIG_B, &scene, &camera, 0, NULL);
+        for (uint32_t p = 0; p < SIZE * SIZE; p++)
+            far += near.data[(size_t)p * 4 + 3] == 0;
+        hw_image_free(&near);
+        far -= SIZE * SIZE - objects;
+        assert_true(far > 2000);
+        assert_true(fabs((double)gone / far - shares[i]) < 0.02);
+    }
+    hw_renderer_destroy(hard);
+    hw_renderer_destroy(soft);
+}
+
 // Many records: pages, ranges and culling must leave every square in its place, and draw only those
 // in view.
 static void test_crowd(void **state)
@@ -832,6 +876,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_same_as_geometry),
         cmocka_unit_test(test_texture_placement),
+        cmocka_unit_test(test_cells_dissolve),
         cmocka_unit_test(test_crowd),
         cmocka_unit_test(test_near_levels),
         cmocka_unit_test(test_draw_allocates_nothing),
