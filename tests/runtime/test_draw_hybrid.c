@@ -652,6 +652,33 @@ static void test_near_levels(void **state)
     hw_renderer_destroy(renderer);
 }
 
+// Near objects keep to their budget of triangles together, and give up no more than that needs.
+static void test_near_budget(void **state)
+{
+    fixture *f = *state;
+    const uint32_t budgets[] = {0, 4000, 1000, 300, 1};
+    const hw_manifest_object *sphere = &f->manifest.objects[SPHERE];
+    hw_camera camera = view(f, 0, 0, 0);
+    hw_vec3 c = hw_box_centre(sphere->bounds);
+    camera.eye = hw_v3(sphere->bounds.max.x + 1, c.y, c.z);
+    camera.forward = hw_v3(-1, 0, 0);
+    for (int i = 0; i < 5; i++) {
+        const hw_renderer_desc desc = {
+            .config = HW_CONFIG_C, .dataset = f->folder, .near_triangles = budgets[i]};
+        hw_renderer *renderer;
+        hw_frame_stats stats;
+        assert_ok(hw_renderer_create(&desc, &renderer));
+        hw_image image = render(f, renderer, &camera, &stats);
+        hw_image_free(&image);
+        hw_renderer_destroy(renderer);
+        uint32_t level = 0, rest = 14; // of cube and board, in view or not
+        while (budgets[i] && level + 1 < SPHERE_LODS && sphere_triangles(level) + rest > budgets[i])
+            level++;
+        assert_true(stats.near_triangles >= sphere_triangles(level));
+        assert_true(stats.near_triangles <= sphere_triangles(level) + rest);
+    }
+}
+
 static void test_draw_allocates_nothing(void **state)
 {
     fixture *f = *state;
@@ -879,6 +906,7 @@ int main(void)
         cmocka_unit_test(test_cells_dissolve),
         cmocka_unit_test(test_crowd),
         cmocka_unit_test(test_near_levels),
+        cmocka_unit_test(test_near_budget),
         cmocka_unit_test(test_draw_allocates_nothing),
         cmocka_unit_test(test_cells_come),
         cmocka_unit_test(test_broken_files),
