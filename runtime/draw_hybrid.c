@@ -15,6 +15,7 @@
 
 #define SCRATCH_RECORDS_MAX 65536u // far records that there is room for from the start, at most
 #define FIRST_WAIT_S        0.002  // between looks, while there is nothing to draw
+#define FIRST_NEAR_WAITS    250    // of these, for near objects that could be drawn coarser
 #define FIRST_SIMULATED_S   0.02
 
 #define RANGE_INDICES 30000u // of one draw call, whole triangles
@@ -342,23 +343,63 @@ static void begin_loading(hybrid *h, const hw_camera *camera)
         hw_prefetch_update(h->prefetch, camera, now_s(h));
 }
 
-// Only until there has once been something to draw.
+// Time in which the loader works, while there is nothing to draw.
+static void wait_a_little(hybrid *h, const hw_camera *camera)
+{
+    const struct timespec pause = {0, (long)(FIRST_WAIT_S * 1e9)};
+    if (h->simulated) {
+        h->simulated_s += FIRST_SIMULATED_S;
+        hw_store_simulate(h->store, h->simulated_s);
+    } else {
+        nanosleep(&pause, NULL);
+    }
+    begin_loading(h, camera);
+}
+
 static hw_status wait_for_chain(hybrid *h, const hw_camera *camera, hw_cell_id id,
                                 hw_cell_gpu *out[HW_CELL_LEVELS_MAX])
 {
-    const struct timespec pause = {0, (long)(FIRST_WAIT_S * 1e9)};
     while (!is_chain_ready(h, id, out)) {
         if (has_failed(h, id))
             return hw_fail(HW_IO, "%s", hw_store_get_stats(h->store).problem);
-        if (h->simulated) {
-            h->simulated_s += FIRST_SIMULATED_S;
-            hw_store_simulate(h->store, h->simulated_s);
-        } else {
-            nanosleep(&pause, NULL);
-        }
-        begin_loading(h, camera);
+        wait_a_little(h, camera);
     }
     return HW_OK;
+}
+
+static hw_data_key level_key(const hybrid *h, uint32_t object_idx, double focal_px, float distance)
+{
+    hw_data_key key = {HW_DATA_LEVEL, h->manifest.objects[object_idx].mesh_idx, 0};
+    key.level = hw_prefetch_level(hw_store_table(h->store, key.index), h->manifest.near_error_px,
+                                  focal_px, (double)h->stretch[object_idx], (double)distance);
+    return key;
+}
+
+// Whether all near objects of the cell are there as they should be; wishes for what is not.
+static bool is_near_exact(hybrid *h, const hw_cell_records *cell, const hw_camera *camera)
+{
+    double focal_px = hw_camera_focal_px(camera);
+    bool exact = true;
+    for (uint32_t i = 0; i < cell->near_count; i++) {
+        uint32_t object_idx = cell->near[i].object_idx;
+        float distance = hw_box_distance(h->manifest.objects[object_idx].bounds, camera->eye);
+        hw_data_key key = level_key(h, object_idx, focal_px, distance);
+        if (hw_store_table(h->store, key.index)->items[key.level].state == HW_ITEM_READY)
+            continue;
+        exact = false;
+        hw_prefetch_urge(h->prefetch, key);
+    }
+    return exact;
+}
+
+// The first picture is to be as it should be, if that does not take too long.
+static hw_status wait_for_first(hybrid *h, const hw_camera *camera, hw_cell_id id,
+                                hw_cell_gpu *out[HW_CELL_LEVELS_MAX])
+{
+    HW_TRY(wait_for_chain(h, camera, id, out));
+    for (int i = 0; i < FIRST_NEAR_WAITS && !is_near_exact(h, out[0]->records, camera); i++)
+        wait_a_little(h, camera);
+    return wait_for_chain(h, camera, id, out);
 }
 
 static hw_status need_chain(hybrid *h, hw_cell_id id, hw_cell_gpu *out[HW_CELL_LEVELS_MAX])
@@ -378,12 +419,10 @@ static hw_status find_own_cells(hybrid *h, const hw_camera *camera, hw_cell_id i
     if (!h->prefetch) {
         HW_TRY(need_chain(h, id, out));
     } else if (!is_chain_ready(h, id, out)) {
-        if (!h->drawable)
-            HW_TRY(wait_for_chain(h, camera, id, out));
-        else if (find_closest_chain(h, camera->eye, out))
+        if (h->drawable && find_closest_chain(h, camera->eye, out))
             stats->stream.late_cells = (uint32_t)h->manifest.grid.levels;
         else
-            return hw_fail(HW_INTERNAL, "%s: no cell is left to draw", h->dataset);
+            HW_TRY(wait_for_first(h, camera, id, out));
     }
     h->drawable = true;
     use_cells(h, out);
@@ -439,10 +478,8 @@ static hw_status find_cells(hybrid *h, const hw_camera *camera, hw_frame_stats *
 static hw_status get_level(hybrid *h, uint32_t object_idx, double focal_px, float distance,
                            hw_frame_stats *stats, const hw_near_level **out)
 {
-    hw_data_key key = {HW_DATA_LEVEL, h->manifest.objects[object_idx].mesh_idx, 0};
+    hw_data_key key = level_key(h, object_idx, focal_px, distance);
     const hw_mesh_table *table = hw_store_table(h->store, key.index);
-    key.level = hw_prefetch_level(table, h->manifest.near_error_px, focal_px,
-                                  (double)h->stretch[object_idx], (double)distance);
     if (!h->prefetch)
         HW_TRY(hw_store_need(h->store, key));
     *out = hw_store_level(h->store, key.index, key.level);
