@@ -17,6 +17,7 @@
 
 #define SCRATCH_RECORDS_MAX 65536u // far records that there is room for from the start, at most
 #define FIRST_WAIT_S        0.002  // between looks, while there is nothing to draw
+#define FIRST_NEAR_WAITS    250    // of these, for near objects that could be drawn coarser
 #define FIRST_SIMULATED_S   0.02
 
 // The tolerance of near objects rises by this factor until they fit their budget.
@@ -352,23 +353,65 @@ static void begin_loading(hybrid *h, const hw_camera *camera)
         hw_prefetch_update(h->prefetch, camera, now_s(h));
 }
 
-// Only until there has once been something to draw.
+// Time in which the loader works, while there is nothing to draw.
+static void wait_a_little(hybrid *h, const hw_camera *camera)
+{
+    const struct timespec pause = {0, (long)(FIRST_WAIT_S * 1e9)};
+    if (h->simulated) {
+        h->simulated_s += FIRST_SIMULATED_S;
+        hw_store_simulate(h->store, h->simulated_s);
+    } else {
+        nanosleep(&pause, NULL);
+    }
+    begin_loading(h, camera);
+}
+
 static hw_status wait_for_chain(hybrid *h, const hw_camera *camera, hw_cell_id id,
                                 hw_cell_gpu *out[HW_CELL_LEVELS_MAX])
 {
-    const struct timespec pause = {0, (long)(FIRST_WAIT_S * 1e9)};
     while (!is_chain_ready(h, id, out)) {
         if (has_failed(h, id))
             return hw_fail(HW_IO, "%s", hw_store_get_stats(h->store).problem);
-        if (h->simulated) {
-            h->simulated_s += FIRST_SIMULATED_S;
-            hw_store_simulate(h->store, h->simulated_s);
-        } else {
-            nanosleep(&pause, NULL);
-        }
-        begin_loading(h, camera);
+        wait_a_little(h, camera);
     }
     return HW_OK;
+}
+
+// The level of detail of a near object that a tolerance asks for at this distance.
+static hw_data_key level_key(const hybrid *h, uint32_t object_idx, double error_px, double focal_px,
+                             float distance)
+{
+    hw_data_key key = {HW_DATA_LEVEL, h->manifest.objects[object_idx].mesh_idx, 0};
+    key.level = hw_prefetch_level(hw_store_table(h->store, key.index), error_px, focal_px,
+                                  (double)h->stretch[object_idx], (double)distance);
+    return key;
+}
+
+// Whether all near objects of the cell are there as they should be; wishes for what is not.
+static bool is_near_exact(hybrid *h, const hw_cell_records *cell, const hw_camera *camera)
+{
+    double focal_px = hw_camera_focal_px(camera);
+    bool exact = true;
+    for (uint32_t i = 0; i < cell->near_count; i++) {
+        uint32_t object_idx = cell->near[i].object_idx;
+        float distance = hw_box_distance(h->manifest.objects[object_idx].bounds, camera->eye);
+        hw_data_key key = level_key(h, object_idx, h->manifest.near_error_px, focal_px, distance);
+        if (hw_store_table(h->store, key.index)->items[key.level].state == HW_ITEM_READY)
+            continue;
+        exact = false;
+        hw_prefetch_urge(h->prefetch, key);
+    }
+    return exact;
+}
+
+// The first picture is to be as it should be, if that does not take too long.
+static hw_status wait_for_first(hybrid *h, const hw_camera *camera, hw_cell_id id,
+                                hw_cell_gpu *out[HW_CELL_LEVELS_MAX])
+{
+    HW_TRY(wait_for_chain(h, camera, id, out));
+    for (int i = 0; i < FIRST_NEAR_WAITS && !is_near_exact(h, out[0]->records, camera); i++)
+        wait_a_little(h, camera);
+    return wait_for_chain(h, camera, id, out);
 }
 
 static hw_status need_chain(hybrid *h, hw_cell_id id, hw_cell_gpu *out[HW_CELL_LEVELS_MAX])
@@ -388,12 +431,10 @@ static hw_status find_own_cells(hybrid *h, const hw_camera *camera, hw_cell_id i
     if (!h->prefetch) {
         HW_TRY(need_chain(h, id, out));
     } else if (!is_chain_ready(h, id, out)) {
-        if (!h->drawable)
-            HW_TRY(wait_for_chain(h, camera, id, out));
-        else if (find_closest_chain(h, camera->eye, out))
+        if (h->drawable && find_closest_chain(h, camera->eye, out))
             stats->stream.late_cells = (uint32_t)h->manifest.grid.levels;
         else
-            return hw_fail(HW_INTERNAL, "%s: no cell is left to draw", h->dataset);
+            HW_TRY(wait_for_first(h, camera, id, out));
     }
     h->drawable = true;
     use_cells(h, out);
@@ -445,24 +486,18 @@ static hw_status find_cells(hybrid *h, const hw_camera *camera, hw_frame_stats *
 
 // ---- near objects ----------------------------------------------------------------------------
 
-// The level of detail that a tolerance asks for.
-static uint32_t wanted_level(const hybrid *h, const near_draw *draw, double error_px,
-                             double focal_px)
+static hw_data_key draw_key(const hybrid *h, const near_draw *draw, double error_px,
+                            double focal_px)
 {
-    const hw_mesh_table *table =
-        hw_store_table(h->store, h->manifest.objects[draw->object_idx].mesh_idx);
-    return hw_prefetch_level(table, error_px, focal_px, (double)h->stretch[draw->object_idx],
-                             (double)draw->distance);
+    return level_key(h, draw->object_idx, error_px, focal_px, draw->distance);
 }
 
 static uint64_t count_triangles(const hybrid *h, uint32_t count, double error_px, double focal_px)
 {
     uint64_t sum = 0;
     for (uint32_t i = 0; i < count; i++) {
-        const near_draw *draw = &h->near[i];
-        const hw_mesh_table *table =
-            hw_store_table(h->store, h->manifest.objects[draw->object_idx].mesh_idx);
-        sum += table->triangles[wanted_level(h, draw, error_px, focal_px)];
+        hw_data_key key = draw_key(h, &h->near[i], error_px, focal_px);
+        sum += hw_store_table(h->store, key.index)->triangles[key.level];
     }
     return sum;
 }
@@ -481,9 +516,8 @@ static double fit_error(const hybrid *h, uint32_t count, double focal_px)
 }
 
 // Waits for the level, or takes the best there is.
-static hw_status get_level(hybrid *h, uint32_t level, hw_frame_stats *stats, near_draw *draw)
+static hw_status get_level(hybrid *h, hw_data_key key, hw_frame_stats *stats, near_draw *draw)
 {
-    hw_data_key key = {HW_DATA_LEVEL, h->manifest.objects[draw->object_idx].mesh_idx, level};
     const hw_mesh_table *table = hw_store_table(h->store, key.index);
     if (!h->prefetch)
         HW_TRY(hw_store_need(h->store, key));
@@ -545,7 +579,7 @@ static hw_status choose_near(hybrid *h, const frame_cells *cells, const hw_camer
         list_near(h, other, own, HW_FADE_IN, camera->eye, frustum, count);
     double error_px = fit_error(h, *count, focal_px);
     for (uint32_t i = 0; i < *count; i++)
-        HW_TRY(get_level(h, wanted_level(h, &h->near[i], error_px, focal_px), stats, &h->near[i]));
+        HW_TRY(get_level(h, draw_key(h, &h->near[i], error_px, focal_px), stats, &h->near[i]));
     return HW_OK;
 }
 

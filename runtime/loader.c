@@ -19,6 +19,7 @@
 #define RESULTS_MAX    64u
 #define DISPOSALS_MAX  4096u
 #define PRIORITY_LOWER 10 // nice value of the thread
+#define CELL_RATIO     5u // bytes of a cell in memory per byte of its file, at most about
 #define NAME_CAPACITY  64u
 
 // A piece on its way.
@@ -368,12 +369,30 @@ static void drop_stale(hw_loader *l)
     }
 }
 
-// Something may always be under way, lest a budget smaller than a piece ends all loading.
-static bool has_room(const hw_loader *l)
+// Bytes that a piece will take once decoded, about.
+static uint64_t estimate(const hw_loader *l, hw_data_key key)
 {
-    if (hw_ring_count(&l->results) + l->job_count + 1 > RESULTS_MAX)
+    const hw_mesh_file *table = key.kind == HW_DATA_LEVEL ? l->tables[key.index] : NULL;
+    if (key.kind == HW_DATA_CELL)
+        return CELL_RATIO * l->manifest->cells[key.index].bytes;
+    if (!table || key.level >= hw_mesh_file_level_count(table))
+        return 0;
+    const hw_mesh_level_info *info = hw_mesh_file_level(table, key.level);
+    return hw_near_level_bytes(info->vertex_count, info->index_count, false);
+}
+
+// Whether a piece may be begun: what is begun is not to exceed the budget. One at a time may
+// always, lest a budget smaller than a piece ends all loading.
+static bool has_room(const hw_loader *l, hw_data_key key)
+{
+    uint64_t bytes = atomic_load(&l->ram_bytes);
+    uint32_t results = hw_ring_count(&l->results);
+    for (uint32_t i = 0; i < l->job_count; i++)
+        bytes += estimate(l, l->jobs[i].key);
+    if (results + l->job_count + 1 > RESULTS_MAX)
         return false;
-    return atomic_load(&l->ram_bytes) < l->ram_budget;
+    return bytes + estimate(l, key) <= l->ram_budget ||
+           (l->job_count == 0 && results == 0 && !l->held && bytes < l->ram_budget);
 }
 
 static void put_result(hw_loader *l, hw_loaded *loaded)
@@ -385,7 +404,8 @@ static void put_result(hw_loader *l, hw_loaded *loaded)
 static void start_jobs(hw_loader *l)
 {
     hw_wish wish;
-    while (l->job_count < JOBS_MAX && has_room(l) && hw_prefetch_queue_take(&l->queue, &wish)) {
+    while (l->job_count < JOBS_MAX && hw_prefetch_queue_peek(&l->queue, &wish) &&
+           has_room(l, wish.key) && hw_prefetch_queue_take(&l->queue, &wish)) {
         job j = {.key = wish.key, .t_priority = wish.t_priority};
         bool gone;
         hw_loaded *failed = step_job(l, &j, &gone);
@@ -455,7 +475,8 @@ void hw_loader_run(hw_loader *loader, double until_s)
     l->frame_s = until_s;
     take_wishes(l);
     drop_stale(l);
-    while (l->now_s < until_s && has_room(l) && hw_prefetch_queue_take(&l->queue, &wish)) {
+    while (l->now_s < until_s && hw_prefetch_queue_peek(&l->queue, &wish) &&
+           has_room(l, wish.key) && hw_prefetch_queue_take(&l->queue, &wish)) {
         hw_loaded *out = hw_loader_load(l, wish.key);
         if (!out)
             continue;

@@ -7,7 +7,7 @@
 #pragma once
 #include "loader.h"
 
-#define HW_STORE_GPU_BUDGET  (UINT64_C(18) << 20)
+#define HW_STORE_GPU_BUDGET  (UINT64_C(16) << 20)
 #define HW_STORE_RAM_BUDGET  (UINT64_C(4) << 20)
 #define HW_STORE_FRAME_BYTES (UINT64_C(1) << 20)
 
