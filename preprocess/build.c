@@ -482,6 +482,8 @@ static bool count_cell(build *b, hw_cell_id id, hw_manifest_cell *out)
     static const uint32_t mesh_tags[] = {HW_FOURCC('V', 'E', 'R', 'T'),
                                          HW_FOURCC('I', 'N', 'D', 'X'),
                                          HW_FOURCC('C', 'O', 'L', 'R')};
+    static const uint32_t texture_tags[] = {HW_FOURCC('A', 'T', 'L', 'S'),
+                                            HW_FOURCC('C', 'O', 'V', 'R')};
     char *path = NULL;
     hw_container *container = NULL;
     size_t raw, stored;
@@ -494,9 +496,9 @@ static bool count_cell(build *b, hw_cell_id id, hw_manifest_cell *out)
         for (int i = 0; i < 3; i++)
             if (hw_container_chunk_size(container, mesh_tags[i], 0, &raw, &stored) == HW_OK)
                 b->report->mesh_bytes += stored;
-        if (hw_container_chunk_size(container, HW_FOURCC('A', 'T', 'L', 'S'), 0, &raw, &stored) ==
-            HW_OK)
-            b->report->texture_bytes += stored;
+        for (int i = 0; i < 2; i++)
+            if (hw_container_chunk_size(container, texture_tags[i], 0, &raw, &stored) == HW_OK)
+                b->report->texture_bytes += stored;
     }
     hw_container_close(container);
     hw_free(path);

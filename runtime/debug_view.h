@@ -7,6 +7,7 @@
 typedef struct hw_debug_view {
     bool tint;        // objects in the colour of what stands for them, times their own
     bool wireframe;   // needs a desktop GL
+    bool hard;        // crossings without dissolves
     bool frozen;      // cells, culling and levels of detail stay those of `camera`
     hw_camera camera; // of the moment that is kept
 } hw_debug_view;

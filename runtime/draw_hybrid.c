@@ -2,6 +2,7 @@
 // (projective-alike texture mapping, thesis 5.2.2).
 #include "alloc.h"
 #include "cell_gpu.h"
+#include "crossing.h"
 #include "far_views.h"
 #include "ground.h"
 #include "hierarchy.h"
@@ -39,18 +40,22 @@ typedef struct near_object {
 // A near object chosen for this frame.
 typedef struct near_draw {
     uint32_t object_idx;
+    hw_fade fade;
     const hw_near_level *level;
 } near_draw;
 
 typedef struct near_program {
     GLuint name;
-    GLint clip, normal, color;
+    GLint clip, normal, color, kept;
 } near_program;
 
 typedef struct far_program {
     GLuint name;
-    GLint first_record;
+    GLint first_record, kept;
 } far_program;
+
+// Programs come whole and dissolving.
+enum { WHOLE, DISSOLVING, PHASES };
 
 typedef struct hybrid {
     hw_gpu_account *account;
@@ -63,9 +68,10 @@ typedef struct hybrid {
     bool simulated, drawable; // drawable: a cell was ready once
     double simulated_s;
     hw_ground_gl ground;
-    near_program near_plain, near_textured;
-    far_program far_opaque, far_cut_out;
+    near_program near_programs[2][PHASES]; // without and with a texture
+    far_program far_programs[2][PHASES];   // opaque, cut out
     hw_far_views_gl far_views;
+    double crossing_width;
     hw_gpu_buffer far_uniforms;
     hw_gpu_pace pace;
     hw_debug_view debug;
@@ -87,12 +93,11 @@ static void hybrid_destroy(void *state)
     hw_ground_gl_destroy(h->account, &h->ground);
     hw_gpu_buffer_destroy(h->account, &h->far_uniforms);
     hw_far_views_gl_destroy(&h->far_views);
-    const GLuint programs[] = {h->near_plain.name, h->near_textured.name, h->far_opaque.name,
-                               h->far_cut_out.name};
-    for (size_t i = 0; i < sizeof programs / sizeof *programs; i++) {
-        if (programs[i])
-            glDeleteProgram(programs[i]);
-    }
+    for (int i = 0; i < 2; i++)
+        for (int phase = 0; phase < PHASES; phase++) {
+            glDeleteProgram(h->near_programs[i][phase].name);
+            glDeleteProgram(h->far_programs[i][phase].name);
+        }
     hw_free(h->visible);
     hw_free(h->order);
     hw_free(h->order_scratch);
@@ -111,6 +116,7 @@ static hw_status make_near_program(const char *defines, near_program *out)
     out->clip = glGetUniformLocation(out->name, "u_clip");
     out->normal = glGetUniformLocation(out->name, "u_world_normal");
     out->color = glGetUniformLocation(out->name, "u_base_color");
+    out->kept = glGetUniformLocation(out->name, "u_kept");
     return HW_OK;
 }
 
@@ -120,9 +126,25 @@ static hw_status make_far_program(const char *defines, far_program *out)
 {
     HW_TRY(hw_gpu_program("far", defines, hw_shader_far_vert, hw_shader_far_frag, &out->name));
     out->first_record = glGetUniformLocation(out->name, "u_first_record");
+    out->kept = glGetUniformLocation(out->name, "u_kept");
     GLuint block = glGetUniformBlockIndex(out->name, "FarRecords");
     glUniformBlockBinding(out->name, block, 0);
     return hw_gpu_check("far program");
+}
+
+static hw_status make_programs(hybrid *h)
+{
+    static const char *const near_defines[2][PHASES] = {
+        {"", "#define DISSOLVE\n"}, {"#define TEXTURED\n", "#define TEXTURED\n#define DISSOLVE\n"}};
+    static const char *const far_defines[2][PHASES] = {
+        {FAR_DEFINES, FAR_DEFINES "#define DISSOLVE\n"},
+        {FAR_DEFINES "#define CUT_OUT\n", FAR_DEFINES "#define CUT_OUT\n#define DISSOLVE\n"}};
+    for (int i = 0; i < 2; i++)
+        for (int phase = 0; phase < PHASES; phase++) {
+            HW_TRY(make_near_program(near_defines[i][phase], &h->near_programs[i][phase]));
+            HW_TRY(make_far_program(far_defines[i][phase], &h->far_programs[i][phase]));
+        }
+    return hw_far_views_gl_create(&h->far_views);
 }
 
 static void make_near_object(const hw_manifest_object *object, near_object *out)
@@ -195,6 +217,7 @@ static hw_status hybrid_create(const hw_renderer_desc *desc, hw_gpu_account *acc
     hybrid *h = NULL;
     HW_TRY(HW_NEW(&h, 1));
     h->account = account;
+    h->crossing_width = desc->crossing_width;
     HW_GO(hw_strdup(&h->dataset, desc->dataset));
     HW_GO(hw_manifest_open(h->dataset, &h->manifest));
     HW_GO(HW_NEW(&h->objects, h->manifest.object_count));
@@ -207,11 +230,7 @@ static hw_status hybrid_create(const hw_renderer_desc *desc, hw_gpu_account *acc
     }
     HW_GO(make_loading(h, &desc->streaming));
     HW_GO(hw_ground_gl_create(account, &h->manifest.ground, bounds, &h->ground));
-    HW_GO(make_near_program(NULL, &h->near_plain));
-    HW_GO(make_near_program("#define TEXTURED\n", &h->near_textured));
-    HW_GO(make_far_program(FAR_DEFINES, &h->far_opaque));
-    HW_GO(make_far_program(FAR_DEFINES "#define CUT_OUT\n", &h->far_cut_out));
-    HW_GO(hw_far_views_gl_create(&h->far_views));
+    HW_GO(make_programs(h));
     *state = h;
     h = NULL;
 out:
@@ -226,6 +245,13 @@ static hw_data_key cell_key(uint32_t index)
 {
     return (hw_data_key){HW_DATA_CELL, index, 0};
 }
+
+// The viewer's cells, and while one dissolves into another, that one's; by level.
+typedef struct frame_cells {
+    hw_cell_gpu *own[HW_CELL_LEVELS_MAX];
+    hw_cell_gpu *other[HW_CELL_LEVELS_MAX]; // with share > 0
+    float share;                            // hw_crossing
+} frame_cells;
 
 static void use_cells(hybrid *h, hw_cell_gpu *const *cells)
 {
@@ -337,17 +363,22 @@ static hw_status wait_for_chain(hybrid *h, const hw_camera *camera, hw_cell_id i
     return HW_OK;
 }
 
-// The viewer's cell of each level; with prefetching, the best there is.
-static hw_status find_cells(hybrid *h, const hw_camera *camera, hw_frame_stats *stats,
-                            hw_cell_gpu *out[HW_CELL_LEVELS_MAX])
+static hw_status need_chain(hybrid *h, hw_cell_id id, hw_cell_gpu *out[HW_CELL_LEVELS_MAX])
 {
-    hw_cell_id id = hw_hexgrid_locate(&h->manifest.grid, camera->eye.x, camera->eye.y);
+    for (int32_t l = 0; l < h->manifest.grid.levels; l++, id = hw_cell_parent(id))
+        HW_TRY(need_cell(h, id, &out[l]));
+    return HW_OK;
+}
+
+// The viewer's cell of each level; with prefetching, the best there is.
+static hw_status find_own_cells(hybrid *h, const hw_camera *camera, hw_cell_id id,
+                                hw_frame_stats *stats, hw_cell_gpu *out[HW_CELL_LEVELS_MAX])
+{
     stats->cell_q = id.q;
     stats->cell_r = id.r;
     stats->cell_level = id.level;
     if (!h->prefetch) {
-        for (int32_t l = 0; l < h->manifest.grid.levels; l++, id = hw_cell_parent(id))
-            HW_TRY(need_cell(h, id, &out[l]));
+        HW_TRY(need_chain(h, id, out));
     } else if (!is_chain_ready(h, id, out)) {
         if (!h->drawable)
             HW_TRY(wait_for_chain(h, camera, id, out));
@@ -358,11 +389,45 @@ static hw_status find_cells(hybrid *h, const hw_camera *camera, hw_frame_stats *
     }
     h->drawable = true;
     use_cells(h, out);
-    size_t near = out[0]->records->near_count, far = 0;
-    for (int32_t l = 0; l < h->manifest.grid.levels; l++) {
-        far += page_count(out[l]->records->far_count) * HW_FAR_PAGE_RECORDS;
-        if (stats->stream.late_cells)
-            stats->stream.missing += out[l]->records->far_count;
+    for (int32_t l = 0; l < h->manifest.grid.levels && stats->stream.late_cells; l++)
+        stats->stream.missing += out[l]->records->far_count;
+    return HW_OK;
+}
+
+// The cells beyond a border that the viewer is close to, if the dataset has them; with prefetching,
+// if they are there already.
+static hw_status find_other_cells(hybrid *h, const hw_camera *camera, hw_cell_id id,
+                                  frame_cells *out)
+{
+    uint32_t index;
+    out->share = 0;
+    if (h->debug.hard || h->debug.frozen)
+        return HW_OK;
+    hw_crossing c = hw_crossing_at(&h->manifest.grid, id, camera->eye, h->crossing_width);
+    if (c.share == 0 || !hw_store_find_cell(h->store, c.other, &index) ||
+        (h->prefetch && !is_chain_ready(h, c.other, out->other)))
+        return HW_OK;
+    if (!h->prefetch)
+        HW_TRY(need_chain(h, c.other, out->other));
+    use_cells(h, out->other);
+    out->share = c.share;
+    return HW_OK;
+}
+
+static hw_status find_cells(hybrid *h, const hw_camera *camera, hw_frame_stats *stats,
+                            frame_cells *out)
+{
+    hw_cell_id id = hw_hexgrid_locate(&h->manifest.grid, camera->eye.x, camera->eye.y);
+    HW_TRY(find_own_cells(h, camera, id, stats, out->own));
+    out->share = 0;
+    if (!stats->stream.late_cells)
+        HW_TRY(find_other_cells(h, camera, id, out));
+    size_t near = 0, far = 0;
+    hw_cell_gpu *const *chains[2] = {out->own, out->share > 0 ? out->other : NULL};
+    for (int i = 0; i < 2 && chains[i]; i++) {
+        near += chains[i][0]->records->near_count;
+        for (int32_t l = 0; l < h->manifest.grid.levels; l++)
+            far += page_count(chains[i][l]->records->far_count) * HW_FAR_PAGE_RECORDS;
     }
     return reserve_scratch(h, near, far);
 }
@@ -387,9 +452,25 @@ static hw_status get_level(hybrid *h, uint32_t object_idx, double focal_px, floa
     return HW_OK;
 }
 
-// Near objects in view, front to back, with their levels, into h->near.
-static hw_status choose_near(hybrid *h, const hw_cell_records *cell, const hw_camera *camera,
-                             const hw_frustum *frustum, hw_frame_stats *stats, uint32_t *out_count)
+// Whether the object is near in the cell. Near records are in the order of objects.
+static bool is_near(const hw_cell_records *cell, uint32_t object_idx)
+{
+    uint32_t low = 0, high = cell->near_count;
+    while (low < high) {
+        uint32_t middle = low + (high - low) / 2;
+        if (cell->near[middle].object_idx < object_idx)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low < cell->near_count && cell->near[low].object_idx == object_idx;
+}
+
+// Adds the cell's near objects in view, front to back, with their levels, to the *count in h->near.
+// What is near in the other cell too (NULL: there is none) does not dissolve, and comes once.
+static hw_status choose_near(hybrid *h, const hw_cell_records *cell, const hw_cell_records *other,
+                             hw_fade fade, const hw_camera *camera, const hw_frustum *frustum,
+                             hw_frame_stats *stats, uint32_t *out_count)
 {
     double focal_px = hw_camera_focal_px(camera);
     uint32_t count = hw_cull_visible(&cell->near_bounds, frustum, h->visible);
@@ -400,16 +481,28 @@ static hw_status choose_near(hybrid *h, const hw_cell_records *cell, const hw_ca
         h->order[i] = (hw_cull_item){distance, h->visible[i]};
     }
     hw_cull_sort(h->order, count, h->order_scratch);
-    *out_count = count;
     for (uint32_t i = 0; i < count; i++) {
         uint32_t object_idx = cell->near[h->order[i].index].object_idx;
-        h->near[i].object_idx = object_idx;
-        HW_TRY(get_level(h, object_idx, focal_px, h->order[i].key, stats, &h->near[i].level));
+        bool shared = !other || is_near(other, object_idx);
+        if (shared && fade == HW_FADE_IN)
+            continue;
+        near_draw *draw = &h->near[(*out_count)++];
+        draw->object_idx = object_idx;
+        draw->fade = shared ? HW_FADE_NONE : fade;
+        HW_TRY(get_level(h, object_idx, focal_px, h->order[i].key, stats, &draw->level));
     }
     return HW_OK;
 }
 
-static void draw_near(hybrid *h, uint32_t count, const hw_mat4 *matrix, hw_frame_stats *stats)
+static void set_kept(GLint location, hw_fade fade, float share)
+{
+    float range[2];
+    hw_fade_range(fade, share, range);
+    glUniform2fv(location, 1, range);
+}
+
+static void draw_near(hybrid *h, uint32_t count, float share, const hw_mat4 *matrix,
+                      hw_frame_stats *stats)
 {
     const near_program *bound = NULL;
     GLuint bound_texture = 0;
@@ -419,10 +512,12 @@ static void draw_near(hybrid *h, uint32_t count, const hw_mat4 *matrix, hw_frame
         const hw_near_level *level = h->near[i].level;
         GLuint texture = hw_store_texture(h->store, object->texture_idx);
         bool textured = texture && level->has_uvs;
-        const near_program *program = textured ? &h->near_textured : &h->near_plain;
+        const near_program *program =
+            &h->near_programs[textured][h->near[i].fade == HW_FADE_NONE ? WHOLE : DISSOLVING];
         if (program != bound)
             glUseProgram(program->name);
         bound = program;
+        set_kept(program->kept, h->near[i].fade, share);
         if (textured && texture != bound_texture) {
             glBindTexture(GL_TEXTURE_2D, texture);
             bound_texture = texture;
@@ -470,6 +565,7 @@ typedef struct far_list {
     const hw_cell_gpu *cell;
     uint32_t first_page, first_visible, count;
     uint32_t multi_count, opaque_count; // of the visible ones, as in hw_cell_records
+    hw_fade fade;
 } far_list;
 
 // Draws the visible records [begin, end) of the list, all of one page.
@@ -491,10 +587,13 @@ static void draw_page(hybrid *h, const far_program *program, const far_list *lis
 }
 
 // Culls the cell's records and fills the uniforms of those that are left.
-static far_list list_far(hybrid *h, const hw_cell_gpu *cell, const hw_mat4 *matrix,
+static far_list list_far(hybrid *h, const hw_cell_gpu *cell, hw_fade fade, const hw_mat4 *matrix,
                          const hw_frustum *frustum, uint32_t first_page)
 {
-    far_list list = {cell, first_page, first_page * HW_FAR_PAGE_RECORDS, 0, 0, 0};
+    far_list list = {.cell = cell,
+                     .first_page = first_page,
+                     .first_visible = first_page * HW_FAR_PAGE_RECORDS,
+                     .fade = fade};
     uint32_t *visible = h->visible + list.first_visible;
     list.count = hw_cull_visible(&cell->records->far_bounds, frustum, visible);
     for (uint32_t i = 0; i < list.count; i++) {
@@ -509,13 +608,31 @@ static far_list list_far(hybrid *h, const hw_cell_gpu *cell, const hw_mat4 *matr
     return list;
 }
 
-// Draws the visible records [begin, end) of the list, page by page.
-static void draw_list(hybrid *h, const far_program *program, const far_list *list, uint32_t begin,
-                      uint32_t end, hw_frame_stats *stats)
+// Draws the visible MVMeshes of the list, with its fade.
+static void draw_views(hybrid *h, const far_list *list, hw_far_views_frame *frame)
+{
+    if (list->multi_count == 0)
+        return;
+    frame->fade = list->fade;
+    glBindTexture(GL_TEXTURE_2D, list->cell->atlas.name);
+    glBindVertexArray(list->cell->array);
+    for (uint32_t i = 0; i < list->multi_count; i++)
+        hw_far_views_gl_draw(&h->far_views, frame, list->cell, h->visible[list->first_visible + i]);
+}
+
+// Draws the visible SVMeshes of the list that are cut out, or those that are not, page by page.
+static void draw_list(hybrid *h, const far_list *list, bool cut_out, float share,
+                      hw_frame_stats *stats)
 {
     const uint32_t *visible = h->visible + list->first_visible;
+    const far_program *program =
+        &h->far_programs[cut_out][list->fade == HW_FADE_NONE ? WHOLE : DISSOLVING];
+    uint32_t begin = cut_out ? list->opaque_count : list->multi_count;
+    uint32_t end = cut_out ? list->count : list->opaque_count;
     if (begin == end)
         return;
+    glUseProgram(program->name);
+    set_kept(program->kept, list->fade, share);
     glBindTexture(GL_TEXTURE_2D, list->cell->atlas.name);
     glBindVertexArray(list->cell->array);
     for (uint32_t i = begin + 1; i <= end; i++) {
@@ -526,43 +643,43 @@ static void draw_list(hybrid *h, const far_program *program, const far_list *lis
     }
 }
 
-static void draw_views(hybrid *h, const far_list *list, const hw_far_views_frame *frame)
+// The far objects of a frame: those of the viewer's cells, and those of other cells that dissolve.
+typedef struct far_lists {
+    far_list lists[2 * HW_CELL_LEVELS_MAX];
+    uint32_t count, pages;
+} far_lists;
+
+static void add_far(hybrid *h, far_lists *out, const hw_cell_gpu *cell, hw_fade fade,
+                    const hw_mat4 *matrix, const hw_frustum *frustum)
 {
-    if (list->multi_count == 0)
-        return;
-    glBindTexture(GL_TEXTURE_2D, list->cell->atlas.name);
-    glBindVertexArray(list->cell->array);
-    for (uint32_t i = 0; i < list->multi_count; i++)
-        hw_far_views_gl_draw(&h->far_views, frame, list->cell, h->visible[list->first_visible + i]);
+    out->lists[out->count++] = list_far(h, cell, fade, matrix, frustum, out->pages);
+    out->pages += (uint32_t)page_count(cell->records->far_count);
 }
 
-// MVMeshes; what else is opaque, then what is cut out, which software GL cannot test for depth early; each level
-// by level, near to far. The uniforms of all go up before the first is drawn.
-static void draw_far(hybrid *h, hw_cell_gpu *const *cells, const hw_far_views_frame *frame,
+// MVMeshes, then what else is opaque, then what is cut out, which software GL cannot test for depth
+// early; each level by level, near to far. The uniforms of all go up before the first is drawn.
+static void draw_far(hybrid *h, const frame_cells *cells, hw_far_views_frame *frame,
                      const hw_frustum *frustum)
 {
-    hw_frame_stats *stats = frame->stats;
-    far_list lists[HW_CELL_LEVELS_MAX];
-    uint32_t pages = 0, count = 0;
+    const hw_mat4 *matrix = frame->matrix;
+    far_lists far = {.count = 0};
     for (int32_t l = 0; l < h->manifest.grid.levels; l++) {
-        lists[l] = list_far(h, cells[l], frame->matrix, frustum, pages);
-        pages += (uint32_t)page_count(cells[l]->records->far_count);
-        count += lists[l].count;
+        bool differ = cells->share > 0 && cells->other[l] != cells->own[l];
+        add_far(h, &far, cells->own[l], differ ? HW_FADE_OUT : HW_FADE_NONE, matrix, frustum);
+        if (differ)
+            add_far(h, &far, cells->other[l], HW_FADE_IN, matrix, frustum);
     }
-    if (count == 0)
+    if (far.pages == 0)
         return;
     glBindBuffer(GL_UNIFORM_BUFFER, h->far_uniforms.name);
-    glBufferSubData(GL_UNIFORM_BUFFER, 0, (GLsizeiptr)(pages * PAGE_BYTES), h->far);
+    glBufferSubData(GL_UNIFORM_BUFFER, 0, (GLsizeiptr)(far.pages * PAGE_BYTES), h->far);
     hw_debug_tint(&h->debug, HW_REPRESENTATION_MVMESH);
-    for (int32_t l = 0; l < h->manifest.grid.levels; l++)
-        draw_views(h, &lists[l], frame);
+    for (uint32_t i = 0; i < far.count; i++)
+        draw_views(h, &far.lists[i], frame);
     hw_debug_tint(&h->debug, HW_REPRESENTATION_SVMESH);
-    glUseProgram(h->far_opaque.name);
-    for (int32_t l = 0; l < h->manifest.grid.levels; l++)
-        draw_list(h, &h->far_opaque, &lists[l], lists[l].multi_count, lists[l].opaque_count, stats);
-    glUseProgram(h->far_cut_out.name);
-    for (int32_t l = 0; l < h->manifest.grid.levels; l++)
-        draw_list(h, &h->far_cut_out, &lists[l], lists[l].opaque_count, lists[l].count, stats);
+    for (int cut_out = 0; cut_out < 2; cut_out++)
+        for (uint32_t i = 0; i < far.count; i++)
+            draw_list(h, &far.lists[i], cut_out, cells->share, frame->stats);
 }
 
 // ---- frames ----------------------------------------------------------------------------------
@@ -570,9 +687,24 @@ static void draw_far(hybrid *h, hw_cell_gpu *const *cells, const hw_far_views_fr
 typedef struct frame_view {
     hw_mat4 matrix;
     hw_frustum frustum;
-    hw_cell_gpu *cells[HW_CELL_LEVELS_MAX];
+    frame_cells cells;
     uint32_t near_count;
 } frame_view;
+
+// The near objects of the viewer's cell and of the one beyond the border.
+static hw_status choose_all_near(hybrid *h, const hw_camera *camera, hw_frame_stats *stats,
+                                 frame_view *view)
+{
+    const hw_cell_records *own = view->cells.own[0]->records;
+    const hw_cell_records *other = view->cells.share > 0 ? view->cells.other[0]->records : NULL;
+    view->near_count = 0;
+    HW_TRY(choose_near(h, own, other, HW_FADE_OUT, camera, &view->frustum, stats,
+                       &view->near_count));
+    if (!other)
+        return HW_OK;
+    return choose_near(h, other, own, HW_FADE_IN, camera, &view->frustum, stats,
+                       &view->near_count);
+}
 
 static void put_stream_stats(const hybrid *h, const hw_store_stats *before, hw_frame_stats *stats)
 {
@@ -605,10 +737,9 @@ static hw_status begin_frame(hybrid *h, const hw_camera *camera, hw_frame_stats 
     view->matrix = hw_camera_view_projection(camera);
     view->frustum = hw_frustum_make(&culling_matrix);
     begin_loading(h, culling);
-    hw_status status = find_cells(h, culling, stats, view->cells);
+    hw_status status = find_cells(h, culling, stats, &view->cells);
     if (status == HW_OK)
-        status = choose_near(h, view->cells[0]->records, culling, &view->frustum, stats,
-                             &view->near_count);
+        status = choose_all_near(h, culling, stats, view);
     put_stream_stats(h, &before, stats);
     if (stats->stalls)
         stats->load_ms = hw_clock_ms() - start + stats->stream.waited_ms;
@@ -639,9 +770,13 @@ static hw_status hybrid_draw(void *state, const hw_camera *camera, hw_frame_stat
     hw_ground_gl_draw(&h->ground, &view.matrix, stats);
     hw_gpu_pace_flush(&h->pace);
     hw_debug_tint(&h->debug, HW_REPRESENTATION_NEAR);
-    draw_near(h, view.near_count, &view.matrix, stats);
-    const hw_far_views_frame frame = {&view.matrix, camera->eye, &h->pace, stats};
-    draw_far(h, view.cells, &frame, &view.frustum);
+    draw_near(h, view.near_count, view.cells.share, &view.matrix, stats);
+    hw_far_views_frame frame = {.matrix = &view.matrix,
+                                .eye = camera->eye,
+                                .share = view.cells.share,
+                                .pace = &h->pace,
+                                .stats = stats};
+    draw_far(h, &view.cells, &frame, &view.frustum);
     glBindVertexArray(0);
     stats->triangles += stats->near_triangles + stats->far_triangles;
     return HW_OK;

@@ -20,22 +20,27 @@ static hw_status make_program(const char *defines, hw_far_views_program *out)
     out->first = glGetUniformLocation(out->name, "u_first");
     out->second = glGetUniformLocation(out->name, "u_second");
     out->blend = glGetUniformLocation(out->name, "u_blend");
+    out->kept = glGetUniformLocation(out->name, "u_kept");
     return HW_OK;
 }
 
 hw_status hw_far_views_gl_create(hw_far_views_gl *out)
 {
-    HW_TRY(make_program(NULL, &out->single));
-    HW_TRY(make_program("#define BLENDED\n", &out->blended));
-    return make_program("#define COLORED\n", &out->colored);
+    static const char *const defines[HW_FAR_VIEWS_KINDS][2] = {
+        [HW_FAR_VIEWS_SINGLE] = {"", "#define DISSOLVE\n"},
+        [HW_FAR_VIEWS_BLENDED] = {"#define BLENDED\n", "#define BLENDED\n#define DISSOLVE\n"},
+        [HW_FAR_VIEWS_COLORED] = {"#define COLORED\n", "#define COLORED\n#define DISSOLVE\n"}};
+    for (int i = 0; i < HW_FAR_VIEWS_KINDS; i++)
+        for (int k = 0; k < 2; k++)
+            HW_TRY(make_program(defines[i][k], &out->programs[i][k]));
+    return HW_OK;
 }
 
 void hw_far_views_gl_destroy(hw_far_views_gl *gl)
 {
-    const GLuint programs[] = {gl->single.name, gl->blended.name, gl->colored.name};
-    for (size_t i = 0; i < sizeof programs / sizeof *programs; i++)
-        if (programs[i])
-            glDeleteProgram(programs[i]);
+    for (int i = 0; i < HW_FAR_VIEWS_KINDS; i++)
+        for (int k = 0; k < 2; k++)
+            glDeleteProgram(gl->programs[i][k].name);
     *gl = (hw_far_views_gl){0};
 }
 
@@ -79,16 +84,19 @@ typedef struct drawing {
     const hw_far_views_gl *gl;
     const hw_far_views_frame *frame;
     const hw_far_view_draw *views;
-    float clip[16];
+    float clip[16], kept[2];
 } drawing;
 
 static void draw_indices(const drawing *d, choice c, uint32_t first, uint32_t count)
 {
     bool colored = c.first == NONE;
-    const hw_far_views_program *program = colored            ? &d->gl->colored
-                                          : c.second == NONE ? &d->gl->single
-                                                             : &d->gl->blended;
+    int kind = colored            ? HW_FAR_VIEWS_COLORED
+               : c.second == NONE ? HW_FAR_VIEWS_SINGLE
+                                  : HW_FAR_VIEWS_BLENDED;
+    const hw_far_views_program *program =
+        &d->gl->programs[kind][d->frame->fade == HW_FADE_NONE ? 0 : 1];
     glUseProgram(program->name);
+    glUniform2fv(program->kept, 1, d->kept);
     glUniformMatrix4fv(program->clip, 1, GL_FALSE, d->clip);
     if (c.first != NONE)
         glUniformMatrix4fv(program->first, 1, GL_FALSE, d->views[c.first].texture);
@@ -115,6 +123,7 @@ void hw_far_views_gl_draw(const hw_far_views_gl *gl, const hw_far_views_frame *f
     float angles[HW_FAR_VIEWS_MAX];
     hw_mat4 product = hw_mat4_mul(*frame->matrix, far->matrix);
     hw_mat4_to_float(&product, d.clip);
+    hw_fade_range(frame->fade, frame->share, d.kept);
     find_angles(cell, far, frame->eye, angles);
     // Range by range; neighbouring ones that come to the same choice in one call.
     uint32_t first = far->first_index, count = 0;

@@ -35,7 +35,7 @@ static hw_status compile(const char *name, GLenum stage, const char *defines, co
 {
     bool is_vertex = stage == GL_VERTEX_SHADER;
     const char *parts[] = {version_line, defines ? defines : "", constants,
-                           is_vertex ? hw_shader_shading_glsl : "", source};
+                           is_vertex ? hw_shader_shading_glsl : hw_shader_dissolve_glsl, source};
     GLuint shader = glCreateShader(stage);
     glShaderSource(shader, sizeof parts / sizeof *parts, parts, NULL);
     glCompileShader(shader);

@@ -55,7 +55,12 @@ typedef struct hw_renderer_desc {
     const hw_scene *scene;  // A, B, L: the original scene, borrowed
     double lod_error_px;    // L: largest projected error; 0 = 1
     hw_streaming streaming; // C
+    double crossing_width;  // C: strips along borders in which cells dissolve into each other, in
+                            // cell sizes (crossing.h); 0: hard crossings
 } hw_renderer_desc;
+
+// Ten frames of a walk at 30 frames a second, a tenth of the way.
+#define HW_CROSSING_WIDTH 0.08
 
 typedef struct hw_renderer hw_renderer;
 HW_MUST_USE hw_status hw_renderer_create(const hw_renderer_desc *desc, hw_renderer **out);

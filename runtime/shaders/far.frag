@@ -3,6 +3,7 @@ uniform sampler2D u_atlas; // alpha: how much of a cut-out texel the object cove
 out vec4 o_color;
 void main()
 {
+    hw_dissolve();
 #ifdef CUT_OUT
     vec4 texel = texture(u_atlas, v_uv);
     if (texel.a < 0.5)
