@@ -356,7 +356,10 @@ static bool must_be_near(hw_svmesh_job *job, double *error)
     *error = self_occlusion(job);
     if (*error < options->self_occlusion_px)
         return false;
-    job->multi_view = job->view->id.level == 0 && *error < options->multi_view_px;
+    const hw_object *object = &job->scene->objects[job->object_idx];
+    bool textured = job->scene->meshes[object->mesh_idx].uvs;
+    double limit = textured ? options->multi_textured_px : options->multi_view_px;
+    job->multi_view = job->view->id.level == 0 && *error < limit;
     return !job->multi_view;
 }
 

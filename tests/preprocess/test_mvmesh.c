@@ -244,7 +244,13 @@ static void the_limit_divides_near_from_multi_view(void **state)
     assert_true(derive(&s, &m));
     s.options.multi_view_px = 40; // below its self-occluding error
     assert_true(derive(&s, &m));
-    s.options.multi_view_px = 1000;
+    hw_mesh *mesh = &s.scene.meshes[0];
+    s.options.multi_textured_px = 1000; // another limit, for what has texture coordinates
+    assert_true(derive(&s, &m));
+    assert_int_equal(HW_NEW(&mesh->uvs, mesh->vertex_count), HW_OK);
+    assert_false(derive(&s, &m));
+    assert_int_equal(m.record.view_count, 2);
+    hw_svmesh_free(&m);
     s.options.self_occlusion_px = 1000; // an SVMesh
     s.options.outline_px = 0.1;
     assert_false(derive(&s, &m));
