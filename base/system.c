@@ -1,4 +1,7 @@
 #include "system.h"
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
 #include <stdio.h>
 #include <string.h>
 #include <time.h>
@@ -41,4 +44,13 @@ uint64_t hw_rss_bytes(void)
 uint64_t hw_rss_peak_bytes(void)
 {
     return status_line_bytes("VmHWM:");
+}
+
+void hw_memory_trim(void)
+{
+#ifdef __GLIBC__
+    (void)mallopt(M_MMAP_THRESHOLD, 128 * 1024);
+    (void)mallopt(M_ARENA_MAX, 2);
+    (void)malloc_trim(0);
+#endif
 }

@@ -33,8 +33,9 @@ static int find_bin(const hw_cell *cell, const hw_far_record *record)
     return 1 + sector + (record->cut_out ? SECTORS : 0);
 }
 
-// MVMeshes, front to back as seen from the cell centre; then other opaque records, then cut-out ones;
-// of each of these, sector by sector, front to back: order[i].index becomes the record to draw as the i-th.
+// MVMeshes, front to back as seen from the cell centre; then other opaque records, then cut-out
+// ones; of each of these, sector by sector, front to back: order[i].index becomes the record to
+// draw as the i-th.
 static void order_records(const hw_cell *cell, hw_cull_item *order, hw_cull_item *scratch)
 {
     for (uint32_t i = 0; i < cell->far_count; i++)
@@ -242,7 +243,8 @@ uint64_t hw_cell_data_gpu_bytes(const hw_cell_data *data, bool blocks)
     return vertex_bytes(data) + index_bytes(data) + color_bytes(data) + atlas_bytes(data, blocks);
 }
 
-static hw_status create_objects(hw_gpu_account *account, const hw_cell_data *data, hw_cell_gpu *out)
+static hw_status create_objects(hw_gpu_account *account, const hw_cell_data *data, bool blocks,
+                                hw_cell_gpu *out)
 {
     glGenVertexArrays(1, &out->array);
     glBindVertexArray(out->array);
@@ -257,18 +259,18 @@ static hw_status create_objects(hw_gpu_account *account, const hw_cell_data *dat
     }
     HW_TRY(hw_gpu_buffer_create(account, GL_ELEMENT_ARRAY_BUFFER, NULL, index_bytes(data),
                                 GL_STATIC_DRAW, &out->indices));
-    return hw_gpu_atlas_create(account, data->atlas_width, data->atlas_height, &out->atlas);
+    return hw_gpu_atlas_create(account, data->atlas_width, data->atlas_height, blocks, &out->atlas);
 }
 
-hw_status hw_cell_gpu_create(hw_gpu_account *account, const hw_cell_data *data, hw_cell_gpu *out,
-                             hw_upload *upload)
+hw_status hw_cell_gpu_create(hw_gpu_account *account, const hw_cell_data *data, bool blocks,
+                             hw_cell_gpu *out, hw_upload *upload)
 {
     uint64_t before = account->bytes;
     *out = (hw_cell_gpu){.id = data->id, .records = &data->records};
     *upload = (hw_upload){0};
     if (data->records.far_count == 0)
         return HW_OK;
-    hw_status status = create_objects(account, data, out);
+    hw_status status = create_objects(account, data, blocks, out);
     glBindVertexArray(0);
     if (status != HW_OK) {
         hw_cell_gpu_free(account, out);
@@ -291,8 +293,7 @@ hw_status hw_cell_gpu_create(hw_gpu_account *account, const hw_cell_data *data, 
                                    .bytes = out->atlas.bytes,
                                    .width = data->atlas_width,
                                    .height = data->atlas_height,
-                                   .format = hw_gpu_takes_blocks() ? HW_UPLOAD_BLOCKS
-                                                                   : HW_UPLOAD_DECODED_BLOCKS});
+                                   .format = blocks ? HW_UPLOAD_BLOCKS : HW_UPLOAD_DECODED_BLOCKS});
     return HW_OK;
 }
 

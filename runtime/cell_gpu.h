@@ -29,7 +29,8 @@ typedef struct hw_far_view_draw {
 // What a frame needs of a cell's records on the CPU.
 typedef struct hw_cell_records {
     uint32_t near_count, far_count;
-    // Of the far ones: MVMeshes come first, cut-out ones after the opaque ones (which MVMeshes are).
+    // Of the far ones: MVMeshes come first, cut-out ones after the opaque ones (which MVMeshes
+    // are).
     uint32_t multi_count, opaque_count;
     hw_near_record *near;
     hw_far_draw *far;
@@ -72,9 +73,9 @@ typedef struct hw_cell_gpu {
     hw_gpu_texture atlas;
 } hw_cell_gpu;
 
-// Makes the GL objects; *upload is to fill them. Borrows the data: its records until
-// hw_cell_gpu_free, the rest until the upload has gone through. On failure *out is zeroed. GL
-// thread only, as is the next.
+// Makes the GL objects, the atlas of blocks or of RGBA; *upload is to fill them. Borrows the data:
+// its records until hw_cell_gpu_free, the rest until the upload has gone through. On failure *out
+// is zeroed. GL thread only, as is the next.
 HW_MUST_USE hw_status hw_cell_gpu_create(hw_gpu_account *account, const hw_cell_data *data,
-                                         hw_cell_gpu *out, hw_upload *upload);
+                                         bool blocks, hw_cell_gpu *out, hw_upload *upload);
 void hw_cell_gpu_free(hw_gpu_account *account, hw_cell_gpu *cell);

@@ -54,9 +54,6 @@ typedef struct far_program {
     GLint first_record, kept;
 } far_program;
 
-// Programs come whole and dissolving.
-enum { WHOLE, DISSOLVING, PHASES };
-
 typedef struct hybrid {
     hw_gpu_account *account;
     char *dataset;
@@ -68,8 +65,8 @@ typedef struct hybrid {
     bool simulated, drawable; // drawable: a cell was ready once
     double simulated_s;
     hw_ground_gl ground;
-    near_program near_programs[2][PHASES]; // without and with a texture
-    far_program far_programs[2][PHASES];   // opaque, cut out
+    near_program near_programs[2][HW_PHASES]; // without and with a texture
+    far_program far_programs[2][HW_PHASES];   // opaque, cut out
     hw_far_views_gl far_views;
     double crossing_width;
     hw_gpu_buffer far_uniforms;
@@ -94,7 +91,7 @@ static void hybrid_destroy(void *state)
     hw_gpu_buffer_destroy(h->account, &h->far_uniforms);
     hw_far_views_gl_destroy(&h->far_views);
     for (int i = 0; i < 2; i++)
-        for (int phase = 0; phase < PHASES; phase++) {
+        for (int phase = 0; phase < HW_PHASES; phase++) {
             glDeleteProgram(h->near_programs[i][phase].name);
             glDeleteProgram(h->far_programs[i][phase].name);
         }
@@ -134,17 +131,17 @@ static hw_status make_far_program(const char *defines, far_program *out)
 
 static hw_status make_programs(hybrid *h)
 {
-    static const char *const near_defines[2][PHASES] = {
+    static const char *const near_defines[2][HW_PHASES] = {
         {"", "#define DISSOLVE\n"}, {"#define TEXTURED\n", "#define TEXTURED\n#define DISSOLVE\n"}};
-    static const char *const far_defines[2][PHASES] = {
+    static const char *const far_defines[2][HW_PHASES] = {
         {FAR_DEFINES, FAR_DEFINES "#define DISSOLVE\n"},
         {FAR_DEFINES "#define CUT_OUT\n", FAR_DEFINES "#define CUT_OUT\n#define DISSOLVE\n"}};
     for (int i = 0; i < 2; i++)
-        for (int phase = 0; phase < PHASES; phase++) {
+        for (int phase = 0; phase < HW_PHASES; phase++) {
             HW_TRY(make_near_program(near_defines[i][phase], &h->near_programs[i][phase]));
             HW_TRY(make_far_program(far_defines[i][phase], &h->far_programs[i][phase]));
         }
-    return hw_far_views_gl_create(&h->far_views);
+    return HW_OK;
 }
 
 static void make_near_object(const hw_manifest_object *object, near_object *out)
@@ -204,11 +201,12 @@ static hw_status make_loading(hybrid *h, const hw_streaming *streaming)
     HW_TRY(hw_store_create(&desc, &h->store));
     if (loading == HW_LOADING_AHEAD || loading == HW_LOADING_SIMULATED)
         HW_TRY(hw_prefetch_create(h->store, &h->manifest, h->stretch, &h->prefetch));
-    // Of most datasets' cells none has more records than there are objects.
+    // Of most datasets' cells none has more records than there are objects; two cells are drawn
+    // while one dissolves into the other.
     size_t records = h->manifest.object_count;
-    records = records < SCRATCH_RECORDS_MAX ? records : SCRATCH_RECORDS_MAX;
+    records = 2 * (records < SCRATCH_RECORDS_MAX ? records : SCRATCH_RECORDS_MAX);
     return reserve_scratch(h, records,
-                           records + (size_t)h->manifest.grid.levels * HW_FAR_PAGE_RECORDS);
+                           records + 2 * (size_t)h->manifest.grid.levels * HW_FAR_PAGE_RECORDS);
 }
 
 static hw_status hybrid_create(const hw_renderer_desc *desc, hw_gpu_account *account, void **state)
@@ -231,6 +229,7 @@ static hw_status hybrid_create(const hw_renderer_desc *desc, hw_gpu_account *acc
     HW_GO(make_loading(h, &desc->streaming));
     HW_GO(hw_ground_gl_create(account, &h->manifest.ground, bounds, &h->ground));
     HW_GO(make_programs(h));
+    HW_GO(hw_far_views_gl_create(&h->far_views));
     *state = h;
     h = NULL;
 out:
@@ -397,16 +396,19 @@ static hw_status find_own_cells(hybrid *h, const hw_camera *camera, hw_cell_id i
 // The cells beyond a border that the viewer is close to, if the dataset has them; with prefetching,
 // if they are there already.
 static hw_status find_other_cells(hybrid *h, const hw_camera *camera, hw_cell_id id,
-                                  frame_cells *out)
+                                  hw_frame_stats *stats, frame_cells *out)
 {
     uint32_t index;
     out->share = 0;
     if (h->debug.hard || h->debug.frozen)
         return HW_OK;
     hw_crossing c = hw_crossing_at(&h->manifest.grid, id, camera->eye, h->crossing_width);
-    if (c.share == 0 || !hw_store_find_cell(h->store, c.other, &index) ||
-        (h->prefetch && !is_chain_ready(h, c.other, out->other)))
+    if (c.share == 0 || !hw_store_find_cell(h->store, c.other, &index))
         return HW_OK;
+    if (h->prefetch && !is_chain_ready(h, c.other, out->other)) {
+        stats->stream.missing++;
+        return HW_OK;
+    }
     if (!h->prefetch)
         HW_TRY(need_chain(h, c.other, out->other));
     use_cells(h, out->other);
@@ -421,7 +423,7 @@ static hw_status find_cells(hybrid *h, const hw_camera *camera, hw_frame_stats *
     HW_TRY(find_own_cells(h, camera, id, stats, out->own));
     out->share = 0;
     if (!stats->stream.late_cells)
-        HW_TRY(find_other_cells(h, camera, id, out));
+        HW_TRY(find_other_cells(h, camera, id, stats, out));
     size_t near = 0, far = 0;
     hw_cell_gpu *const *chains[2] = {out->own, out->share > 0 ? out->other : NULL};
     for (int i = 0; i < 2 && chains[i]; i++) {
@@ -513,7 +515,7 @@ static void draw_near(hybrid *h, uint32_t count, float share, const hw_mat4 *mat
         GLuint texture = hw_store_texture(h->store, object->texture_idx);
         bool textured = texture && level->has_uvs;
         const near_program *program =
-            &h->near_programs[textured][h->near[i].fade == HW_FADE_NONE ? WHOLE : DISSOLVING];
+            &h->near_programs[textured][hw_fade_phase(h->near[i].fade)];
         if (program != bound)
             glUseProgram(program->name);
         bound = program;
@@ -608,7 +610,6 @@ static far_list list_far(hybrid *h, const hw_cell_gpu *cell, hw_fade fade, const
     return list;
 }
 
-// Draws the visible MVMeshes of the list, with its fade.
 static void draw_views(hybrid *h, const far_list *list, hw_far_views_frame *frame)
 {
     if (list->multi_count == 0)
@@ -625,8 +626,7 @@ static void draw_list(hybrid *h, const far_list *list, bool cut_out, float share
                       hw_frame_stats *stats)
 {
     const uint32_t *visible = h->visible + list->first_visible;
-    const far_program *program =
-        &h->far_programs[cut_out][list->fade == HW_FADE_NONE ? WHOLE : DISSOLVING];
+    const far_program *program = &h->far_programs[cut_out][hw_fade_phase(list->fade)];
     uint32_t begin = cut_out ? list->opaque_count : list->multi_count;
     uint32_t end = cut_out ? list->count : list->opaque_count;
     if (begin == end)
@@ -656,12 +656,11 @@ static void add_far(hybrid *h, far_lists *out, const hw_cell_gpu *cell, hw_fade 
     out->pages += (uint32_t)page_count(cell->records->far_count);
 }
 
-// MVMeshes, then what else is opaque, then what is cut out, which software GL cannot test for depth
+// MVMeshes, what else is opaque, then what is cut out, which software GL cannot test for depth
 // early; each level by level, near to far. The uniforms of all go up before the first is drawn.
-static void draw_far(hybrid *h, const frame_cells *cells, hw_far_views_frame *frame,
-                     const hw_frustum *frustum)
+static void draw_far(hybrid *h, const frame_cells *cells, hw_vec3 eye, const hw_mat4 *matrix,
+                     const hw_frustum *frustum, hw_frame_stats *stats)
 {
-    const hw_mat4 *matrix = frame->matrix;
     far_lists far = {.count = 0};
     for (int32_t l = 0; l < h->manifest.grid.levels; l++) {
         bool differ = cells->share > 0 && cells->other[l] != cells->own[l];
@@ -673,13 +672,14 @@ static void draw_far(hybrid *h, const frame_cells *cells, hw_far_views_frame *fr
         return;
     glBindBuffer(GL_UNIFORM_BUFFER, h->far_uniforms.name);
     glBufferSubData(GL_UNIFORM_BUFFER, 0, (GLsizeiptr)(far.pages * PAGE_BYTES), h->far);
+    hw_far_views_frame frame = {matrix, eye, HW_FADE_NONE, cells->share, &h->pace, stats};
     hw_debug_tint(&h->debug, HW_REPRESENTATION_MVMESH);
     for (uint32_t i = 0; i < far.count; i++)
-        draw_views(h, &far.lists[i], frame);
+        draw_views(h, &far.lists[i], &frame);
     hw_debug_tint(&h->debug, HW_REPRESENTATION_SVMESH);
     for (int cut_out = 0; cut_out < 2; cut_out++)
         for (uint32_t i = 0; i < far.count; i++)
-            draw_list(h, &far.lists[i], cut_out, cells->share, frame->stats);
+            draw_list(h, &far.lists[i], cut_out, cells->share, stats);
 }
 
 // ---- frames ----------------------------------------------------------------------------------
@@ -698,12 +698,11 @@ static hw_status choose_all_near(hybrid *h, const hw_camera *camera, hw_frame_st
     const hw_cell_records *own = view->cells.own[0]->records;
     const hw_cell_records *other = view->cells.share > 0 ? view->cells.other[0]->records : NULL;
     view->near_count = 0;
-    HW_TRY(choose_near(h, own, other, HW_FADE_OUT, camera, &view->frustum, stats,
-                       &view->near_count));
+    HW_TRY(
+        choose_near(h, own, other, HW_FADE_OUT, camera, &view->frustum, stats, &view->near_count));
     if (!other)
         return HW_OK;
-    return choose_near(h, other, own, HW_FADE_IN, camera, &view->frustum, stats,
-                       &view->near_count);
+    return choose_near(h, other, own, HW_FADE_IN, camera, &view->frustum, stats, &view->near_count);
 }
 
 static void put_stream_stats(const hybrid *h, const hw_store_stats *before, hw_frame_stats *stats)
@@ -771,12 +770,7 @@ static hw_status hybrid_draw(void *state, const hw_camera *camera, hw_frame_stat
     hw_gpu_pace_flush(&h->pace);
     hw_debug_tint(&h->debug, HW_REPRESENTATION_NEAR);
     draw_near(h, view.near_count, view.cells.share, &view.matrix, stats);
-    hw_far_views_frame frame = {.matrix = &view.matrix,
-                                .eye = camera->eye,
-                                .share = view.cells.share,
-                                .pace = &h->pace,
-                                .stats = stats};
-    draw_far(h, &view.cells, &frame, &view.frustum);
+    draw_far(h, &view.cells, camera->eye, &view.matrix, &view.frustum, stats);
     glBindVertexArray(0);
     stats->triangles += stats->near_triangles + stats->far_triangles;
     return HW_OK;

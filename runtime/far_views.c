@@ -1,6 +1,7 @@
 #include "far_views.h"
 #include "shaders.h"
 #include <math.h>
+#include <stdio.h>
 
 // A capture with this share or more is drawn alone: the other would hardly show.
 #define DOMINANT 0.85f
@@ -26,21 +27,25 @@ static hw_status make_program(const char *defines, hw_far_views_program *out)
 
 hw_status hw_far_views_gl_create(hw_far_views_gl *out)
 {
-    static const char *const defines[HW_FAR_VIEWS_KINDS][2] = {
-        [HW_FAR_VIEWS_SINGLE] = {"", "#define DISSOLVE\n"},
-        [HW_FAR_VIEWS_BLENDED] = {"#define BLENDED\n", "#define BLENDED\n#define DISSOLVE\n"},
-        [HW_FAR_VIEWS_COLORED] = {"#define COLORED\n", "#define COLORED\n#define DISSOLVE\n"}};
-    for (int i = 0; i < HW_FAR_VIEWS_KINDS; i++)
-        for (int k = 0; k < 2; k++)
-            HW_TRY(make_program(defines[i][k], &out->programs[i][k]));
+    static const char *const phases[HW_PHASES] = {"", "#define DISSOLVE\n"};
+    char defines[64];
+    for (int p = 0; p < HW_PHASES; p++) {
+        HW_TRY(make_program(phases[p], &out->single[p]));
+        snprintf(defines, sizeof defines, "#define BLENDED\n%s", phases[p]);
+        HW_TRY(make_program(defines, &out->blended[p]));
+        snprintf(defines, sizeof defines, "#define COLORED\n%s", phases[p]);
+        HW_TRY(make_program(defines, &out->colored[p]));
+    }
     return HW_OK;
 }
 
 void hw_far_views_gl_destroy(hw_far_views_gl *gl)
 {
-    for (int i = 0; i < HW_FAR_VIEWS_KINDS; i++)
-        for (int k = 0; k < 2; k++)
-            glDeleteProgram(gl->programs[i][k].name);
+    for (int p = 0; p < HW_PHASES; p++) { // GL ignores the name 0
+        glDeleteProgram(gl->single[p].name);
+        glDeleteProgram(gl->blended[p].name);
+        glDeleteProgram(gl->colored[p].name);
+    }
     *gl = (hw_far_views_gl){0};
 }
 
@@ -84,19 +89,20 @@ typedef struct drawing {
     const hw_far_views_gl *gl;
     const hw_far_views_frame *frame;
     const hw_far_view_draw *views;
-    float clip[16], kept[2];
+    float clip[16];
 } drawing;
 
 static void draw_indices(const drawing *d, choice c, uint32_t first, uint32_t count)
 {
     bool colored = c.first == NONE;
-    int kind = colored            ? HW_FAR_VIEWS_COLORED
-               : c.second == NONE ? HW_FAR_VIEWS_SINGLE
-                                  : HW_FAR_VIEWS_BLENDED;
-    const hw_far_views_program *program =
-        &d->gl->programs[kind][d->frame->fade == HW_FADE_NONE ? 0 : 1];
+    const hw_far_views_program *phases = colored            ? d->gl->colored
+                                         : c.second == NONE ? d->gl->single
+                                                            : d->gl->blended;
+    const hw_far_views_program *program = &phases[hw_fade_phase(d->frame->fade)];
+    float kept[2];
+    hw_fade_range(d->frame->fade, d->frame->share, kept);
     glUseProgram(program->name);
-    glUniform2fv(program->kept, 1, d->kept);
+    glUniform2fv(program->kept, 1, kept);
     glUniformMatrix4fv(program->clip, 1, GL_FALSE, d->clip);
     if (c.first != NONE)
         glUniformMatrix4fv(program->first, 1, GL_FALSE, d->views[c.first].texture);
@@ -123,7 +129,6 @@ void hw_far_views_gl_draw(const hw_far_views_gl *gl, const hw_far_views_frame *f
     float angles[HW_FAR_VIEWS_MAX];
     hw_mat4 product = hw_mat4_mul(*frame->matrix, far->matrix);
     hw_mat4_to_float(&product, d.clip);
-    hw_fade_range(frame->fade, frame->share, d.kept);
     find_angles(cell, far, frame->eye, angles);
     // Range by range; neighbouring ones that come to the same choice in one call.
     uint32_t first = far->first_index, count = 0;

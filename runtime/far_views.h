@@ -10,23 +10,20 @@ typedef struct hw_far_views_program {
     GLint clip, first, second, blend, kept;
 } hw_far_views_program;
 
-// By one capture, by two, by the colours of the vertices.
-enum { HW_FAR_VIEWS_SINGLE, HW_FAR_VIEWS_BLENDED, HW_FAR_VIEWS_COLORED, HW_FAR_VIEWS_KINDS };
-
 // Zero-initialise.
 typedef struct hw_far_views_gl {
-    hw_far_views_program programs[HW_FAR_VIEWS_KINDS][2]; // whole, dissolving
+    hw_far_views_program single[HW_PHASES], blended[HW_PHASES], colored[HW_PHASES];
 } hw_far_views_gl;
 
 HW_MUST_USE hw_status hw_far_views_gl_create(hw_far_views_gl *out);
 void hw_far_views_gl_destroy(hw_far_views_gl *gl);
 
-// What all MVMeshes of a cell and frame share.
+// What all MVMeshes of a frame share.
 typedef struct hw_far_views_frame {
     const hw_mat4 *matrix; // clip <- world
     hw_vec3 eye;
-    hw_fade fade;
-    float share; // of the other cell (crossing.h)
+    hw_fade fade; // of this and the following draws
+    float share;
     hw_gpu_pace *pace;
     hw_frame_stats *stats;
 } hw_far_views_frame;

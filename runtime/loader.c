@@ -14,7 +14,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-#define JOBS_MAX       3u // reads going on at a time
+#define JOBS_MAX       2u // reads going on at a time
 #define WISHES_MAX     4096u
 #define RESULTS_MAX    64u
 #define DISPOSALS_MAX  4096u
@@ -131,11 +131,15 @@ static hw_status copy_table(const hw_mesh_file *file, uint32_t mesh, hw_mesh_tab
     return HW_OK;
 }
 
-static hw_status decode_level(hw_loader *l, hw_data_key key, const hw_block *block,
-                              hw_near_data *out)
+static hw_status decode_level(hw_loader *l, hw_data_key key, const char *path,
+                              const hw_block *block, hw_near_data *out)
 {
+    const hw_mesh_file *table = l->tables[key.index];
     hw_mesh mesh = {0};
-    HW_TRY(hw_mesh_file_decode(l->tables[key.index], key.level, block->data, block->size, &mesh));
+    // Another level of the file may have been found damaged meanwhile: the table went with it.
+    if (!table || key.level >= hw_mesh_file_level_count(table))
+        return hw_fail(HW_FORMAT, "%s: has changed", path);
+    HW_TRY(hw_mesh_file_decode(table, key.level, block->data, block->size, &mesh));
     hw_status status = hw_near_data_make(&mesh, out);
     hw_mesh_free(&mesh);
     return status;
@@ -166,7 +170,7 @@ static hw_status decode(hw_loader *l, const job *j, const char *path, const hw_b
     case HW_DATA_MESH:
         return copy_table(l->tables[index], index, &out->table);
     case HW_DATA_LEVEL:
-        HW_TRY(decode_level(l, j->key, block, &out->level));
+        HW_TRY(decode_level(l, j->key, path, block, &out->level));
         out->ram_bytes = hw_near_level_bytes(out->level.vertex_count, out->level.index_count,
                                              out->level.has_uvs);
         return HW_OK;

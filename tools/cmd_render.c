@@ -82,9 +82,9 @@ static uint32_t fill_options(hw_option *out, uint32_t capacity)
         {"bandwidth", 0, HW_OPTION_BYTES, &options.bandwidth, "BYTES", NULL, 0, 0,
          "With --prefetch on: read the dataset with at most so many bytes a second."},
         {"gpu-budget", 0, HW_OPTION_BYTES, &options.gpu_budget, "BYTES", NULL, 0, 0,
-         "Memory for the dataset's data on the GPU; 0: 32 MiB."},
+         "Memory for the dataset's data on the GPU; 0: 18 MiB."},
         {"ram-budget", 0, HW_OPTION_BYTES, &options.ram_budget, "BYTES", NULL, 0, 0,
-         "Memory for data on their way to the GPU; 0: 10 MiB."},
+         "Memory for data on their way to the GPU; 0: 4 MiB."},
         {"no-images", 0, HW_OPTION_FLAG, &options.no_images, NULL, NULL, 0, 0,
          "Write no images, only measure."},
         {"video", 0, HW_OPTION_STRING, &options.video, "FILE", NULL, 0, 0,
@@ -395,6 +395,7 @@ static hw_status run(int argc, const char *const *argv)
     (void)hw_config_parse(options.config, &r.config); // one of the choices
     HW_GO(read_tour(&r));
     HW_GO(read_scene(&r, argv[0]));
+    hw_memory_trim();
     HW_GO(make_renderer(&r, argv[0]));
     if (options.output && !options.no_images)
         HW_GO(hw_dir_make(options.output));

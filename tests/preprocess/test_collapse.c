@@ -310,7 +310,8 @@ static void viewcell_cost_is_the_formula(void **state)
     bool locked[2] = {0}, border[2] = {0};
     hw_viewcell_metric context = {normals, image, weights};
     hw_metric metric = hw_metric_viewcell(&context);
-    hw_collapser c = {.vertex_count = 2, .positions = positions, .locked = locked, .border = border};
+    hw_collapser c = {
+        .vertex_count = 2, .positions = positions, .locked = locked, .border = border};
     hw_collapse out;
     hw_metric_evaluate(&metric, &c, 0, 1, &out);
     assert_true(fabs(out.cost - 0.7 * 0.7 * 5 * 0.625) < 1e-6);
@@ -328,7 +329,8 @@ static void multiview_collapses_what_is_seen_together(void **state)
     const float weights[2] = {0.125f, 0.5f};
     double positions[2][3] = {{1, 2, 3}, {4, 5, 6}};
     bool locked[2] = {0}, border[2] = {0};
-    hw_collapser c = {.vertex_count = 2, .positions = positions, .locked = locked, .border = border};
+    hw_collapser c = {
+        .vertex_count = 2, .positions = positions, .locked = locked, .border = border};
     static const struct {
         uint32_t sets[2];
         bool allowed;
