@@ -3,6 +3,7 @@
 #include "alloc.h"
 #include "cell_gpu.h"
 #include "crossing.h"
+#include "far_views.h"
 #include "ground.h"
 #include "hierarchy.h"
 #include "prefetch.h"
@@ -54,9 +55,6 @@ typedef struct far_program {
     GLint first_record, kept;
 } far_program;
 
-// Programs come whole and dissolving.
-enum { WHOLE, DISSOLVING, PHASES };
-
 typedef struct hybrid {
     hw_gpu_account *account;
     char *dataset;
@@ -68,8 +66,9 @@ typedef struct hybrid {
     bool simulated, drawable; // drawable: a cell was ready once
     double simulated_s;
     hw_ground_gl ground;
-    near_program near_programs[2][PHASES]; // without and with a texture
-    far_program far_programs[2][PHASES];   // opaque, cut out
+    near_program near_programs[2][HW_PHASES]; // without and with a texture
+    far_program far_programs[2][HW_PHASES];   // opaque, cut out
+    hw_far_views_gl far_views;
     double crossing_width;
     hw_gpu_buffer far_uniforms;
     hw_gpu_pace pace;
@@ -91,8 +90,9 @@ static void hybrid_destroy(void *state)
     hw_store_destroy(h->store);
     hw_ground_gl_destroy(h->account, &h->ground);
     hw_gpu_buffer_destroy(h->account, &h->far_uniforms);
+    hw_far_views_gl_destroy(&h->far_views);
     for (int i = 0; i < 2; i++)
-        for (int phase = 0; phase < PHASES; phase++) {
+        for (int phase = 0; phase < HW_PHASES; phase++) {
             glDeleteProgram(h->near_programs[i][phase].name);
             glDeleteProgram(h->far_programs[i][phase].name);
         }
@@ -132,13 +132,13 @@ static hw_status make_far_program(const char *defines, far_program *out)
 
 static hw_status make_programs(hybrid *h)
 {
-    static const char *const near_defines[2][PHASES] = {
+    static const char *const near_defines[2][HW_PHASES] = {
         {"", "#define DISSOLVE\n"}, {"#define TEXTURED\n", "#define TEXTURED\n#define DISSOLVE\n"}};
-    static const char *const far_defines[2][PHASES] = {
+    static const char *const far_defines[2][HW_PHASES] = {
         {FAR_DEFINES, FAR_DEFINES "#define DISSOLVE\n"},
         {FAR_DEFINES "#define CUT_OUT\n", FAR_DEFINES "#define CUT_OUT\n#define DISSOLVE\n"}};
     for (int i = 0; i < 2; i++)
-        for (int phase = 0; phase < PHASES; phase++) {
+        for (int phase = 0; phase < HW_PHASES; phase++) {
             HW_TRY(make_near_program(near_defines[i][phase], &h->near_programs[i][phase]));
             HW_TRY(make_far_program(far_defines[i][phase], &h->far_programs[i][phase]));
         }
@@ -230,6 +230,7 @@ static hw_status hybrid_create(const hw_renderer_desc *desc, hw_gpu_account *acc
     HW_GO(make_loading(h, &desc->streaming));
     HW_GO(hw_ground_gl_create(account, &h->manifest.ground, bounds, &h->ground));
     HW_GO(make_programs(h));
+    HW_GO(hw_far_views_gl_create(&h->far_views));
     *state = h;
     h = NULL;
 out:
@@ -550,8 +551,7 @@ static void draw_near(hybrid *h, uint32_t count, float share, const hw_mat4 *mat
         const hw_near_level *level = h->near[i].level;
         GLuint texture = hw_store_texture(h->store, object->texture_idx);
         bool textured = texture && level->has_uvs;
-        const near_program *program =
-            &h->near_programs[textured][h->near[i].fade == HW_FADE_NONE ? WHOLE : DISSOLVING];
+        const near_program *program = &h->near_programs[textured][hw_fade_phase(h->near[i].fade)];
         if (program != bound)
             glUseProgram(program->name);
         bound = program;
@@ -602,7 +602,7 @@ static void draw_range(hybrid *h, const hw_cell_gpu *cell, uint32_t first, uint3
 typedef struct far_list {
     const hw_cell_gpu *cell;
     uint32_t first_page, first_visible, count;
-    uint32_t opaque_count; // of the visible ones, before those cut out
+    uint32_t multi_count, opaque_count; // of the visible ones, as in hw_cell_records
     hw_fade fade;
 } far_list;
 
@@ -636,6 +636,7 @@ static far_list list_far(hybrid *h, const hw_cell_gpu *cell, hw_fade fade, const
     list.count = hw_cull_visible(&cell->records->far_bounds, frustum, visible);
     for (uint32_t i = 0; i < list.count; i++) {
         const hw_far_draw *far = &cell->records->far[visible[i]];
+        list.multi_count += visible[i] < cell->records->multi_count;
         list.opaque_count += visible[i] < cell->records->opaque_count;
         far_uniform *uniform = &h->far[list.first_visible + visible[i]];
         hw_mat4 product = hw_mat4_mul(*matrix, far->matrix);
@@ -645,14 +646,24 @@ static far_list list_far(hybrid *h, const hw_cell_gpu *cell, hw_fade fade, const
     return list;
 }
 
-// Draws the visible records of the list that are cut out, or those that are not, page by page.
+static void draw_views(hybrid *h, const far_list *list, hw_far_views_frame *frame)
+{
+    if (list->multi_count == 0)
+        return;
+    frame->fade = list->fade;
+    glBindTexture(GL_TEXTURE_2D, list->cell->atlas.name);
+    glBindVertexArray(list->cell->array);
+    for (uint32_t i = 0; i < list->multi_count; i++)
+        hw_far_views_gl_draw(&h->far_views, frame, list->cell, h->visible[list->first_visible + i]);
+}
+
+// Draws the visible SVMeshes of the list that are cut out, or those that are not, page by page.
 static void draw_list(hybrid *h, const far_list *list, bool cut_out, float share,
                       hw_frame_stats *stats)
 {
     const uint32_t *visible = h->visible + list->first_visible;
-    const far_program *program =
-        &h->far_programs[cut_out][list->fade == HW_FADE_NONE ? WHOLE : DISSOLVING];
-    uint32_t begin = cut_out ? list->opaque_count : 0;
+    const far_program *program = &h->far_programs[cut_out][hw_fade_phase(list->fade)];
+    uint32_t begin = cut_out ? list->opaque_count : list->multi_count;
     uint32_t end = cut_out ? list->count : list->opaque_count;
     if (begin == end)
         return;
@@ -681,9 +692,9 @@ static void add_far(hybrid *h, far_lists *out, const hw_cell_gpu *cell, hw_fade 
     out->pages += (uint32_t)page_count(cell->records->far_count);
 }
 
-// What is opaque, then what is cut out, which software GL cannot test for depth early; each level
-// by level, near to far. The uniforms of all go up before the first is drawn.
-static void draw_far(hybrid *h, const frame_cells *cells, const hw_mat4 *matrix,
+// MVMeshes, what else is opaque, then what is cut out, which software GL cannot test for depth
+// early; each level by level, near to far. The uniforms of all go up before the first is drawn.
+static void draw_far(hybrid *h, const frame_cells *cells, hw_vec3 eye, const hw_mat4 *matrix,
                      const hw_frustum *frustum, hw_frame_stats *stats)
 {
     far_lists far = {.count = 0};
@@ -697,6 +708,11 @@ static void draw_far(hybrid *h, const frame_cells *cells, const hw_mat4 *matrix,
         return;
     glBindBuffer(GL_UNIFORM_BUFFER, h->far_uniforms.name);
     glBufferSubData(GL_UNIFORM_BUFFER, 0, (GLsizeiptr)(far.pages * PAGE_BYTES), h->far);
+    hw_far_views_frame frame = {matrix, eye, HW_FADE_NONE, cells->share, &h->pace, stats};
+    hw_debug_tint(&h->debug, HW_REPRESENTATION_MVMESH);
+    for (uint32_t i = 0; i < far.count; i++)
+        draw_views(h, &far.lists[i], &frame);
+    hw_debug_tint(&h->debug, HW_REPRESENTATION_SVMESH);
     for (int cut_out = 0; cut_out < 2; cut_out++)
         for (uint32_t i = 0; i < far.count; i++)
             draw_list(h, &far.lists[i], cut_out, cells->share, stats);
@@ -790,8 +806,7 @@ static hw_status hybrid_draw(void *state, const hw_camera *camera, hw_frame_stat
     hw_gpu_pace_flush(&h->pace);
     hw_debug_tint(&h->debug, HW_REPRESENTATION_NEAR);
     draw_near(h, view.near_count, view.cells.share, &view.matrix, stats);
-    hw_debug_tint(&h->debug, HW_REPRESENTATION_SVMESH);
-    draw_far(h, &view.cells, &view.matrix, &view.frustum, stats);
+    draw_far(h, &view.cells, camera->eye, &view.matrix, &view.frustum, stats);
     glBindVertexArray(0);
     stats->triangles += stats->near_triangles + stats->far_triangles;
     return HW_OK;

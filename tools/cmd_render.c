@@ -203,6 +203,7 @@ static hw_status make_renderer(render *r, const char *path)
         .dataset = path,
         .scene = &r->scene,
         .lod_error_px = options.lod_error,
+        .crossing_width = HW_CROSSING_WIDTH,
         .streaming = {.loading = prefetches() ? HW_LOADING_SIMULATED : HW_LOADING_WAITS,
                       .bytes_per_second = options.bandwidth,
                       .gpu_budget = options.gpu_budget,
