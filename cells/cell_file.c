@@ -58,7 +58,8 @@ static hw_status validate_counts(const hw_cell *c, const char *name)
         c->vertex_count > HW_CELL_VERTICES_MAX || c->index_count > HW_CELL_INDICES_MAX ||
         c->view_count > c->far_count * (HW_FAR_VIEWS_MAX - 1) ||
         c->range_count > c->far_count * RANGES_MAX || c->color_count > c->vertex_count)
-        return hw_fail(HW_FORMAT, "%s: too many records, vertices, indices, views, ranges or colours", name);
+        return hw_fail(HW_FORMAT,
+                       "%s: too many records, vertices, indices, views, ranges or colours", name);
     if ((c->near_count && !c->near) || (c->far_count && !c->far) ||
         (c->vertex_count && !c->vertices) || (c->index_count && !c->indices) ||
         (c->view_count && !c->views) || (c->range_count && !c->ranges) ||

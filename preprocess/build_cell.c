@@ -212,8 +212,8 @@ static hw_status pack_atlas(assembly *a, hw_cell *out)
     list_captures(a, captures);
     for (uint32_t i = 0; i < count; i++)
         places[i] = (hw_rect){0, 0, captures[i].capture->width, captures[i].capture->height};
-    HW_GO(hw_atlas_pack(places, count, 4, HW_CELL_ATLAS_MAX, &out->atlas_width,
-                        &out->atlas_height));
+    HW_GO(
+        hw_atlas_pack(places, count, 4, HW_CELL_ATLAS_MAX, &out->atlas_width, &out->atlas_height));
     HW_GO(hw_image_make(&atlas, out->atlas_width, out->atlas_height, 4));
     for (uint32_t i = 0; i < count; i++) {
         copy_capture(&atlas, &places[i], captures[i].capture, captures[i].cut_out);

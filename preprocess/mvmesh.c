@@ -55,8 +55,8 @@ static double angle_between(const double a[2], const double b[2])
     return atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1]);
 }
 
-// The cell's corners at half height: the outermost to each side, as seen from the object, then those
-// next to them.
+// The cell's corners at half height: the outermost to each side, as seen from the object, then
+// those next to them.
 static void order_corners(const hw_svmesh_job *job, hw_vec3 eyes[6])
 {
     hw_vec3 target = hw_box_centre(job->scene->objects[job->object_idx].bounds);
@@ -92,8 +92,7 @@ uint32_t hw_mvmesh_eyes(const hw_svmesh_job *job, hw_vec3 eyes[HW_FAR_VIEWS_MAX]
 
 int hw_mvmesh_face(const hw_svmesh_job *job, hw_vec3 eye)
 {
-    hw_vec3 towards =
-        hw_v3_sub(hw_box_centre(job->scene->objects[job->object_idx].bounds), eye);
+    hw_vec3 towards = hw_v3_sub(hw_box_centre(job->scene->objects[job->object_idx].bounds), eye);
     return hw_face_towards(towards.x, towards.y);
 }
 
@@ -134,9 +133,9 @@ static hw_status add_own_view(work *w)
     v->capture = &w->mesh->capture;
     float tx = (r->x_max - r->x_min) / (float)r->rect.width * HW_CAPTURE_PADDING;
     float ty = (r->y_max - r->y_min) / (float)r->rect.height * HW_CAPTURE_PADDING;
-    v->window = (hw_capture_window){v->eye,         v->face,        r->x_min - tx,
-                                    r->x_max + tx,  r->y_min - ty,  r->y_max + ty,
-                                    v->capture->width, v->capture->height};
+    v->window =
+        (hw_capture_window){v->eye,        v->face,       r->x_min - tx,     r->x_max + tx,
+                            r->y_min - ty, r->y_max + ty, v->capture->width, v->capture->height};
     if (!project(w, v, &unused))
         return hw_fail(HW_INTERNAL, "a far object reaches behind the centre of its cell");
     to_texels(w, v);
@@ -361,8 +360,8 @@ static bool is_hidden(const work *w, const uint32_t *t, double tolerance)
         if (reaches(w, w->eyes[e], middle, tolerance))
             return false;
         for (int k = 0; k < 6; k++)
-            if (reaches(w, w->eyes[e],
-                        hw_v3_mad(middle, hw_v3_sub(rim[k], middle), SAMPLE_SPREAD), tolerance))
+            if (reaches(w, w->eyes[e], hw_v3_mad(middle, hw_v3_sub(rim[k], middle), SAMPLE_SPREAD),
+                        tolerance))
                 return false;
     }
     return true;
@@ -481,8 +480,7 @@ static uint32_t *split_triangle(const edge_list *list, const uint32_t t[3], uint
     for (int k = 0; k < 3; k++) {
         uint32_t a = t[k], b = t[(k + 1) % 3], c = t[(k + 2) % 3];
         edge key = make_edge(a, b);
-        const edge *found =
-            bsearch(&key, list->edges, list->count, sizeof *list->edges, by_ends);
+        const edge *found = bsearch(&key, list->edges, list->count, sizeof *list->edges, by_ends);
         if (!found)
             continue;
         const uint32_t parts[2][3] = {{a, found->middle, c}, {found->middle, b, c}};
@@ -568,10 +566,9 @@ static hw_status add_colors(work *w)
     for (uint32_t f = 0; f < r->index_count / 3; f++) {
         const uint32_t *t = w->mesh->indices + 3 * (size_t)f;
         hw_vec3 a = w->world[t[0]];
-        hw_vec3 normal =
-            hw_v3_cross(hw_v3_sub(w->world[t[1]], a), hw_v3_sub(w->world[t[2]], a));
-        hw_vec3 middle = hw_v3_scale(
-            hw_v3_add(hw_v3_add(a, w->world[t[1]]), w->world[t[2]]), 1.0f / 3);
+        hw_vec3 normal = hw_v3_cross(hw_v3_sub(w->world[t[1]], a), hw_v3_sub(w->world[t[2]], a));
+        hw_vec3 middle =
+            hw_v3_scale(hw_v3_add(hw_v3_add(a, w->world[t[1]]), w->world[t[2]]), 1.0f / 3);
         for (int k = 0; k < 3 && w->sets[f] == 0; k++) {
             normals[t[k]] = hw_v3_add(normals[t[k]], normal);
             inwards[t[k]] = hw_v3_sub(middle, w->world[t[k]]); // of the last: any will do
@@ -677,7 +674,8 @@ static void need_triangle(const view *v, const uint32_t *t, block_map *map)
         from[k] = fmin(p[0][k], fmin(p[1][k], p[2][k])) - MARGIN;
         to[k] = fmax(p[0][k], fmax(p[1][k], p[2][k])) + MARGIN;
     }
-    uint32_t column = (uint32_t)(fmax(from[0], 0) / BLOCK), row = (uint32_t)(fmax(from[1], 0) / BLOCK);
+    uint32_t column = (uint32_t)(fmax(from[0], 0) / BLOCK),
+             row = (uint32_t)(fmax(from[1], 0) / BLOCK);
     for (uint32_t j = row; j < map->rows && j * BLOCK <= to[1]; j++)
         for (uint32_t i = column; i < map->columns && i * BLOCK <= to[0]; i++)
             map->needed[(size_t)j * map->columns + i] |= meets_block(p, i * BLOCK, j * BLOCK);

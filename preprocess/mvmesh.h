@@ -18,9 +18,9 @@ int hw_mvmesh_face(const hw_svmesh_job *job, hw_vec3 eye);
 // Adds views, ranges and colours to a mesh that has its own capture. Triangles are reordered by the
 // set of views that see them, vertices by first use.
 //
-// Large triangles that no capture sees whole are split first, with their neighbours, so that what is
-// partly hidden gets a border. A capture sees a triangle that faces it, is not much more oblique in it than in the best one, and
-// is hidden in less than a tenth of its texels. Of the triangles that no capture sees, those that
-// rays from many points of the cell do not reach either are dropped; the others get the colours
-// their vertices have on the original.
+// Large triangles that no capture sees whole are split first, with their neighbours, so that what
+// is partly hidden gets a border. A capture sees a triangle that faces it, is not much more oblique
+// in it than in the best one, and is hidden in less than a tenth of its texels. Of the triangles
+// that no capture sees, those that rays from many points of the cell do not reach either are
+// dropped; the others get the colours their vertices have on the original.
 HW_MUST_USE hw_status hw_mvmesh_add_views(const hw_svmesh_job *job, hw_svmesh *mesh);

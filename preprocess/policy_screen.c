@@ -103,8 +103,7 @@ static hw_status simplify(const hw_svmesh_job *job, hw_view_mesh *out)
     selection s = {0};
     double pixel = job->distance.effective /
                    (job->view->focal_px * job->scale); // of the effective distance, mesh units
-    double outline_px =
-        job->multi_view ? job->options->multi_outline_px : job->options->outline_px;
+    double outline_px = job->multi_view ? job->options->multi_outline_px : job->options->outline_px;
     uint32_t by_outline = hw_chain_level_by_silhouette(job->chain, outline_px * pixel);
     uint32_t by_surface = hw_chain_level_by_error(job->chain, hw_svmesh_interior_px(job) * pixel);
     s.level = &job->chain->levels[by_outline < by_surface ? by_outline : by_surface];

@@ -1,8 +1,9 @@
 // The policy of thesis 5.2.1 as it is written: weights from the categories of the depth image,
 // half-edge collapses in order of cost until the cheapest costs more than T_l; of the result, the
 // faces that face the cell centre. Of an MVMesh: the largest weight and projected length over its
-// views, no collapse of vertices that no view sees together, and the faces that face the cell. It starts from a chain level whose outline deviates by far less
-// than a pixel, not from the scan itself.
+// views, no collapse of vertices that no view sees together, and the faces that face the cell. It
+// starts from a chain level whose outline deviates by far less than a pixel, not from the scan
+// itself.
 #include "alloc.h"
 #include "classify.h"
 #include "collapse.h"
@@ -143,8 +144,7 @@ static hw_status weigh(const hw_svmesh_job *job, const hw_capture_window *window
     for (uint32_t v = 0; v < w->mesh.vertex_count; v++) {
         uint32_t pixel = pixel_of(window, w->images[index][v], job->view->focal_px);
         float depth = capture.depths[pixel];
-        float weight =
-            hw_viewcell_weight(w->front[v], w->depths[v], depth, categories[pixel]);
+        float weight = hw_viewcell_weight(w->front[v], w->depths[v], depth, categories[pixel]);
         w->weights[v] = fmaxf(w->weights[v], weight);
         if (hw_viewcell_visible(w->front[v], w->depths[v], depth))
             w->sets[v] |= 1u << index;
@@ -193,10 +193,9 @@ static void cull(const hw_svmesh_job *job, const hw_mesh *level, const weighing 
         const uint32_t old[3] = {kept[mesh->indices[i]], kept[mesh->indices[i + 1]],
                                  kept[mesh->indices[i + 2]]};
         const hw_vec3 *p = level->positions;
-        bool stays = job->multi_view
-                         ? hw_triangle_facing(p[old[0]], p[old[1]], p[old[2]], eyes, eye_count) !=
-                               HW_FACING_BACK
-                         : turns_to((const float(*)[2])w->images[0], old);
+        bool stays = job->multi_view ? hw_triangle_facing(p[old[0]], p[old[1]], p[old[2]], eyes,
+                                                          eye_count) != HW_FACING_BACK
+                                     : turns_to((const float(*)[2])w->images[0], old);
         if (!stays)
             continue;
         memmove(mesh->indices + n, mesh->indices + i, 3 * sizeof *mesh->indices);

@@ -135,10 +135,10 @@ static void image_bounds(const hw_view_mesh *mesh, double min[3], double max[3])
         }
 }
 
-// Texels of a capture per pixel of its own view, where that sees something at a depth: one per pixel
-// of the nearest viewer in the cell. Captures of MVMeshes make most of a cell's bytes, and few
-// viewers come as near: one per pixel of a viewer half way between the nearest and the effective
-// distance (as ratios) takes half the texels and costs less than 0.05 dB.
+// Texels of a capture per pixel of its own view, where that sees something at a depth: one per
+// pixel of the nearest viewer in the cell. Captures of MVMeshes make most of a cell's bytes, and
+// few viewers come as near: one per pixel of a viewer half way between the nearest and the
+// effective distance (as ratios) takes half the texels and costs less than 0.05 dB.
 static double texels_per_pixel(const hw_svmesh_job *job, double depth)
 {
     double nearest = fmax(job->distance.nearest, 1e-3);
@@ -356,7 +356,10 @@ static bool must_be_near(hw_svmesh_job *job, double *error)
     *error = self_occlusion(job);
     if (*error < options->self_occlusion_px)
         return false;
-    job->multi_view = job->view->id.level == 0 && *error < options->multi_view_px;
+    const hw_object *object = &job->scene->objects[job->object_idx];
+    bool textured = job->scene->meshes[object->mesh_idx].uvs;
+    double limit = textured ? options->multi_textured_px : options->multi_view_px;
+    job->multi_view = job->view->id.level == 0 && *error < limit;
     return !job->multi_view;
 }
 

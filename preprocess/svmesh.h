@@ -22,10 +22,11 @@ typedef struct hw_far_options {
     const hw_svmesh_policy *policy;
     double self_occlusion_px;  // T_s: objects with a larger self-occluding error are no SVMeshes
     double multi_view_px;      // T_mv: below this they are MVMeshes, else near; 0 = all near
+    double multi_textured_px;  // T_mv of textured objects, which near by have no levels of detail
     uint32_t multi_view_count; // captures of an MVMesh: 1 to HW_FAR_VIEWS_MAX - 1
     bool multi_blend;          // their triangles keep all captures that see them, not the best only
     double multi_outline_px, multi_interior_px; // outline_px and interior_px of MVMeshes
-    double edge_length_px;     // T_l of the thesis policy
+    double edge_length_px;                      // T_l of the thesis policy
     double outline_px;         // outline deviation of the chain level at the effective distance
     double interior_px;        // tolerance for patches that face the whole cell (screen policy)
     double impostor_px;        // objects with a smaller self-occluding error are impostors

@@ -11,6 +11,7 @@
 #include "shaders.h"
 #include "store.h"
 #include "system.h"
+#include <math.h>
 #include <string.h>
 #include <time.h>
 
@@ -18,6 +19,11 @@
 #define FIRST_WAIT_S        0.002  // between looks, while there is nothing to draw
 #define FIRST_NEAR_WAITS    250    // of these, for near objects that could be drawn coarser
 #define FIRST_SIMULATED_S   0.02
+
+// The tolerance of near objects rises by this factor until they fit their budget.
+#define BUDGET_STEP         1.189207115002721 // 2^(1/4)
+#define BUDGET_STEPS        64
+#define BUDGET_ERROR_MIN_PX 0.01 // where a tolerance of 0 begins
 
 #define RANGE_INDICES 30000u // of one draw call, whole triangles
 
@@ -41,6 +47,7 @@ typedef struct near_object {
 // A near object chosen for this frame.
 typedef struct near_draw {
     uint32_t object_idx;
+    float distance; // of its box to the eye
     hw_fade fade;
     const hw_near_level *level;
 } near_draw;
@@ -70,6 +77,7 @@ typedef struct hybrid {
     far_program far_programs[2][HW_PHASES];   // opaque, cut out
     hw_far_views_gl far_views;
     double crossing_width;
+    uint32_t near_triangles; // budget
     hw_gpu_buffer far_uniforms;
     hw_gpu_pace pace;
     hw_debug_view debug;
@@ -217,6 +225,7 @@ static hw_status hybrid_create(const hw_renderer_desc *desc, hw_gpu_account *acc
     HW_TRY(HW_NEW(&h, 1));
     h->account = account;
     h->crossing_width = desc->crossing_width;
+    h->near_triangles = desc->near_triangles ? desc->near_triangles : HW_NEAR_TRIANGLES;
     HW_GO(hw_strdup(&h->dataset, desc->dataset));
     HW_GO(hw_manifest_open(h->dataset, &h->manifest));
     HW_GO(HW_NEW(&h->objects, h->manifest.object_count));
@@ -368,11 +377,13 @@ static hw_status wait_for_chain(hybrid *h, const hw_camera *camera, hw_cell_id i
     return HW_OK;
 }
 
-static hw_data_key level_key(const hybrid *h, uint32_t object_idx, double focal_px, float distance)
+// The level of detail of a near object that a tolerance asks for at this distance.
+static hw_data_key level_key(const hybrid *h, uint32_t object_idx, double error_px, double focal_px,
+                             float distance)
 {
     hw_data_key key = {HW_DATA_LEVEL, h->manifest.objects[object_idx].mesh_idx, 0};
-    key.level = hw_prefetch_level(hw_store_table(h->store, key.index), h->manifest.near_error_px,
-                                  focal_px, (double)h->stretch[object_idx], (double)distance);
+    key.level = hw_prefetch_level(hw_store_table(h->store, key.index), error_px, focal_px,
+                                  (double)h->stretch[object_idx], (double)distance);
     return key;
 }
 
@@ -384,7 +395,7 @@ static bool is_near_exact(hybrid *h, const hw_cell_records *cell, const hw_camer
     for (uint32_t i = 0; i < cell->near_count; i++) {
         uint32_t object_idx = cell->near[i].object_idx;
         float distance = hw_box_distance(h->manifest.objects[object_idx].bounds, camera->eye);
-        hw_data_key key = level_key(h, object_idx, focal_px, distance);
+        hw_data_key key = level_key(h, object_idx, h->manifest.near_error_px, focal_px, distance);
         if (hw_store_table(h->store, key.index)->items[key.level].state == HW_ITEM_READY)
             continue;
         exact = false;
@@ -475,16 +486,43 @@ static hw_status find_cells(hybrid *h, const hw_camera *camera, hw_frame_stats *
 
 // ---- near objects ----------------------------------------------------------------------------
 
-// The level of detail of a near object at this distance: waits for it, or takes the best there is.
-static hw_status get_level(hybrid *h, uint32_t object_idx, double focal_px, float distance,
-                           hw_frame_stats *stats, const hw_near_level **out)
+static hw_data_key draw_key(const hybrid *h, const near_draw *draw, double error_px,
+                            double focal_px)
 {
-    hw_data_key key = level_key(h, object_idx, focal_px, distance);
+    return level_key(h, draw->object_idx, error_px, focal_px, draw->distance);
+}
+
+static uint64_t count_triangles(const hybrid *h, uint32_t count, double error_px, double focal_px)
+{
+    uint64_t sum = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        hw_data_key key = draw_key(h, &h->near[i], error_px, focal_px);
+        sum += hw_store_table(h->store, key.index)->triangles[key.level];
+    }
+    return sum;
+}
+
+// The dataset's tolerance, or the least larger one with which all near objects together stay within
+// their budget of triangles: each gives up the same error on the screen.
+static double fit_error(const hybrid *h, uint32_t count, double focal_px)
+{
+    double error_px = h->manifest.near_error_px;
+    for (int i = 0; i < BUDGET_STEPS; i++) {
+        if (count_triangles(h, count, error_px, focal_px) <= h->near_triangles)
+            break;
+        error_px = fmax(error_px, BUDGET_ERROR_MIN_PX) * BUDGET_STEP;
+    }
+    return error_px;
+}
+
+// Waits for the level, or takes the best there is.
+static hw_status get_level(hybrid *h, hw_data_key key, hw_frame_stats *stats, near_draw *draw)
+{
     const hw_mesh_table *table = hw_store_table(h->store, key.index);
     if (!h->prefetch)
         HW_TRY(hw_store_need(h->store, key));
-    *out = hw_store_level(h->store, key.index, key.level);
-    if (!h->prefetch || *out == &table->items[key.level].level)
+    draw->level = hw_store_level(h->store, key.index, key.level);
+    if (!h->prefetch || draw->level == &table->items[key.level].level)
         return HW_OK;
     stats->stream.missing++;
     hw_prefetch_urge(h->prefetch, key);
@@ -505,31 +543,43 @@ static bool is_near(const hw_cell_records *cell, uint32_t object_idx)
     return low < cell->near_count && cell->near[low].object_idx == object_idx;
 }
 
-// Adds the cell's near objects in view, front to back, with their levels, to the *count in h->near.
-// What is near in the other cell too (NULL: there is none) does not dissolve, and comes once.
-static hw_status choose_near(hybrid *h, const hw_cell_records *cell, const hw_cell_records *other,
-                             hw_fade fade, const hw_camera *camera, const hw_frustum *frustum,
-                             hw_frame_stats *stats, uint32_t *out_count)
+// Adds the cell's near objects in view, front to back, to the *count in h->near. What is near in
+// the other cell too (NULL: there is none) does not dissolve, and comes once.
+static void list_near(hybrid *h, const hw_cell_records *cell, const hw_cell_records *other,
+                      hw_fade fade, hw_vec3 eye, const hw_frustum *frustum, uint32_t *out_count)
 {
-    double focal_px = hw_camera_focal_px(camera);
     uint32_t count = hw_cull_visible(&cell->near_bounds, frustum, h->visible);
     for (uint32_t i = 0; i < count; i++) {
         const hw_near_record *record = &cell->near[h->visible[i]];
-        float distance =
-            hw_box_distance(h->manifest.objects[record->object_idx].bounds, camera->eye);
+        float distance = hw_box_distance(h->manifest.objects[record->object_idx].bounds, eye);
         h->order[i] = (hw_cull_item){distance, h->visible[i]};
     }
     hw_cull_sort(h->order, count, h->order_scratch);
     for (uint32_t i = 0; i < count; i++) {
         uint32_t object_idx = cell->near[h->order[i].index].object_idx;
         bool shared = !other || is_near(other, object_idx);
-        if (shared && fade == HW_FADE_IN)
-            continue;
-        near_draw *draw = &h->near[(*out_count)++];
-        draw->object_idx = object_idx;
-        draw->fade = shared ? HW_FADE_NONE : fade;
-        HW_TRY(get_level(h, object_idx, focal_px, h->order[i].key, stats, &draw->level));
+        if (!shared || fade != HW_FADE_IN)
+            h->near[(*out_count)++] = (near_draw){.object_idx = object_idx,
+                                                  .distance = h->order[i].key,
+                                                  .fade = shared ? HW_FADE_NONE : fade};
     }
+}
+
+// Near objects in view, of the viewer's cell and of the one beyond the border, and their levels,
+// into h->near.
+static hw_status choose_near(hybrid *h, const frame_cells *cells, const hw_camera *camera,
+                             const hw_frustum *frustum, hw_frame_stats *stats, uint32_t *count)
+{
+    const hw_cell_records *own = cells->own[0]->records;
+    const hw_cell_records *other = cells->share > 0 ? cells->other[0]->records : NULL;
+    double focal_px = hw_camera_focal_px(camera);
+    *count = 0;
+    list_near(h, own, other, HW_FADE_OUT, camera->eye, frustum, count);
+    if (other)
+        list_near(h, other, own, HW_FADE_IN, camera->eye, frustum, count);
+    double error_px = fit_error(h, *count, focal_px);
+    for (uint32_t i = 0; i < *count; i++)
+        HW_TRY(get_level(h, draw_key(h, &h->near[i], error_px, focal_px), stats, &h->near[i]));
     return HW_OK;
 }
 
@@ -727,20 +777,6 @@ typedef struct frame_view {
     uint32_t near_count;
 } frame_view;
 
-// The near objects of the viewer's cell and of the one beyond the border.
-static hw_status choose_all_near(hybrid *h, const hw_camera *camera, hw_frame_stats *stats,
-                                 frame_view *view)
-{
-    const hw_cell_records *own = view->cells.own[0]->records;
-    const hw_cell_records *other = view->cells.share > 0 ? view->cells.other[0]->records : NULL;
-    view->near_count = 0;
-    HW_TRY(
-        choose_near(h, own, other, HW_FADE_OUT, camera, &view->frustum, stats, &view->near_count));
-    if (!other)
-        return HW_OK;
-    return choose_near(h, other, own, HW_FADE_IN, camera, &view->frustum, stats, &view->near_count);
-}
-
 static void put_stream_stats(const hybrid *h, const hw_store_stats *before, hw_frame_stats *stats)
 {
     hw_store_stats s = hw_store_get_stats(h->store);
@@ -774,7 +810,7 @@ static hw_status begin_frame(hybrid *h, const hw_camera *camera, hw_frame_stats 
     begin_loading(h, culling);
     hw_status status = find_cells(h, culling, stats, &view->cells);
     if (status == HW_OK)
-        status = choose_all_near(h, culling, stats, view);
+        status = choose_near(h, &view->cells, culling, &view->frustum, stats, &view->near_count);
     put_stream_stats(h, &before, stats);
     if (stats->stalls)
         stats->load_ms = hw_clock_ms() - start + stats->stream.waited_ms;

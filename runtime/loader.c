@@ -112,6 +112,7 @@ static void free_loaded(hw_loaded *loaded)
     hw_image_free(&loaded->texture);
     hw_free(loaded->table.errors);
     hw_free(loaded->table.gpu_bytes);
+    hw_free(loaded->table.triangles);
     hw_free(loaded->table.items);
     hw_free(loaded);
 }
@@ -121,11 +122,13 @@ static hw_status copy_table(const hw_mesh_file *file, uint32_t mesh, hw_mesh_tab
     uint32_t count = hw_mesh_file_level_count(file);
     HW_TRY(HW_NEW(&out->errors, count));
     HW_TRY(HW_NEW(&out->gpu_bytes, count));
+    HW_TRY(HW_NEW(&out->triangles, count));
     HW_TRY(HW_NEW(&out->items, count));
     for (uint32_t i = 0; i < count; i++) {
         const hw_mesh_level_info *info = hw_mesh_file_level(file, i);
         out->errors[i] = info->error_p99;
         out->items[i].key = (hw_data_key){HW_DATA_LEVEL, mesh, i};
+        out->triangles[i] = info->index_count / 3;
         out->gpu_bytes[i] = hw_near_level_bytes(info->vertex_count, info->index_count, false);
     }
     out->level_count = count;

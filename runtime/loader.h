@@ -36,6 +36,7 @@ typedef struct hw_mesh_table {
     uint32_t level_count;
     float *errors;       // surface error, mesh units
     uint64_t *gpu_bytes; // without texture coordinates
+    uint32_t *triangles;
     hw_item *items;      // one for each, away
 } hw_mesh_table;
 

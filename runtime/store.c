@@ -684,6 +684,7 @@ void hw_store_destroy(hw_store *store)
     for (uint32_t i = 0; store->meshes && i < store->manifest->mesh_count; i++) {
         hw_free(store->meshes[i].table.errors);
         hw_free(store->meshes[i].table.gpu_bytes);
+        hw_free(store->meshes[i].table.triangles);
         hw_free(store->meshes[i].table.items);
     }
     hw_loader_destroy(store->loader);

@@ -13,7 +13,7 @@ static uint64_t threads, memory, levels = 1, texture_side = 1024, every = 1, mvm
 static hw_tour tour; // of --along
 static double cell_size = 50, self_occlusion, edge_length = 4.5, near_error = 0.3,
               outline_error = 0.09, interior_error = 5, impostor = 1, mvmesh_limit,
-              mvmesh_outline = 0.03, mvmesh_interior = 3;
+              mvmesh_textured = 120, mvmesh_outline = 0.03, mvmesh_interior = 3;
 static atomic_bool stop;
 
 static uint32_t options(hw_option *out, uint32_t capacity)
@@ -33,6 +33,8 @@ static uint32_t options(hw_option *out, uint32_t capacity)
         {"mvmesh-limit", 0, HW_OPTION_DOUBLE, &mvmesh_limit, "PX", NULL, 0, 1e6,
          "T_mv: objects whose self-occluding error is T_s or more, but below this, are multi-view "
          "meshes instead of near objects; 0 means none"},
+        {"mvmesh-textured", 0, HW_OPTION_DOUBLE, &mvmesh_textured, "PX", NULL, 0, 1e6,
+         "the same for textured objects, whose geometry near by has no levels of detail"},
         {"mvmesh-views", 0, HW_OPTION_UINT, &mvmesh_views, "N", NULL, 1, HW_FAR_VIEWS_MAX - 1,
          "captures of a multi-view mesh: one from the cell's centre, the others from corners"},
         {"mvmesh-blend", 0, HW_OPTION_CHOICE, &mvmesh_blend, "on|off", "on|off", 0, 0,
@@ -120,6 +122,7 @@ static hw_status read_options(const char *scene, hw_build_options *o)
     o->far.outline_px = outline_error;
     o->far.interior_px = interior_error;
     o->far.multi_view_px = mvmesh_limit;
+    o->far.multi_textured_px = mvmesh_textured;
     o->far.multi_view_count = (uint32_t)mvmesh_views;
     o->far.multi_blend = strcmp(mvmesh_blend, "on") == 0;
     o->far.multi_outline_px = mvmesh_outline;

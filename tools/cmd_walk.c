@@ -13,6 +13,7 @@ walk_options walk_opt = {.samples = "1",
                          .prefetch = "on",
                          .size = {1280, 720},
                          .lod_error = 1,
+                         .near_triangles = HW_NEAR_TRIANGLES,
                          .seed = 1};
 
 // Ctrl-C in the terminal ends the walk as Escape does, so that a recording is not lost; a second
@@ -167,6 +168,9 @@ static uint32_t fill_options(hw_option *out, uint32_t capacity)
          "Whether objects stand in the way; F9 changes it."},
         {"lod-error", 0, HW_OPTION_DOUBLE, &o->lod_error, "PX", NULL, 0.01, 100,
          "Largest projected error of configuration L in pixels."},
+        {"near-triangles", 0, HW_OPTION_UINT, &o->near_triangles, "N", NULL, 1, UINT32_MAX,
+         "Triangles of a frame's near objects in configuration C, at most: beyond that all of them "
+         "become coarser together."},
         {"record", 0, HW_OPTION_STRING, &o->record, "TOUR.json", NULL, 0, 0,
          "Record the walk as a tour from the start."},
         {"scene", 0, HW_OPTION_STRING, &o->scene, "SCENE", NULL, 0, 0,

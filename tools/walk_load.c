@@ -189,6 +189,7 @@ static hw_status make_renderer(walk *w)
                              .dataset = w->is_dataset ? w->path : NULL,
                              .scene = w->loader.loaded ? &w->loader.scene : NULL,
                              .lod_error_px = walk_opt.lod_error,
+                             .near_triangles = (uint32_t)walk_opt.near_triangles,
                              .crossing_width = HW_CROSSING_WIDTH,
                              .streaming = {.loading = strcmp(walk_opt.prefetch, "on") == 0
                                                           ? HW_LOADING_AHEAD

@@ -51,8 +51,8 @@ static void error(void *context, const hw_domain *domain, const hw_candidates *c
     set_costs(m, a, b, length_in(m->image, a, b), candidates, out);
 }
 
-static void multiview_error(void *context, const hw_domain *domain,
-                            const hw_candidates *candidates, double out[HW_CANDIDATES])
+static void multiview_error(void *context, const hw_domain *domain, const hw_candidates *candidates,
+                            double out[HW_CANDIDATES])
 {
     const hw_multiview_metric *m = context;
     uint32_t a = domain->a, b = domain->b;

@@ -15,7 +15,8 @@ void main()
 #if defined(COLORED)
     o_color = vec4(v_color, 1.0);
 #elif defined(BLENDED)
-    o_color = vec4(mix(textureProj(u_atlas, v_first).rgb, textureProj(u_atlas, v_second).rgb, u_blend), 1.0);
+    vec4 first = textureProj(u_atlas, v_first), second = textureProj(u_atlas, v_second);
+    o_color = vec4(mix(first.rgb, second.rgb, u_blend), 1.0);
 #else
     o_color = vec4(textureProj(u_atlas, v_first).rgb, 1.0);
 #endif

@@ -92,8 +92,8 @@ static UNUSED void fixture_views(hw_cell *cell, uint32_t index, hw_rng *rng)
     }
 }
 
-// far_count records of side x side vertices each, two thirds of them MVMeshes, the others cut out; free with
-// hw_cell_free.
+// far_count records of side x side vertices each, two thirds of them MVMeshes, the others cut out;
+// free with hw_cell_free.
 static UNUSED void fixture_cell(hw_cell *cell, uint32_t near_count, uint32_t far_count,
                                 uint32_t side)
 {

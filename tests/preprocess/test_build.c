@@ -308,6 +308,47 @@ static void thesis_policy_builds(void **state)
     assert_null(hw_policy_find("none"));
 }
 
+// Objects between T_s and T_mv become MVMeshes by both policies, the same with any number of
+// threads, and only in cells of level 0.
+static void multi_view_meshes_are_built(void **state)
+{
+    (void)state;
+    static const char *const policies[] = {"screen", "thesis"};
+    for (int i = 0; i < 2; i++) {
+        hw_build_report report;
+        hw_build_options o = options_for("build_k");
+        o.far.policy = hw_policy_find(policies[i]);
+        o.far.self_occlusion_px = 5;
+        o.far.multi_view_px = 1000;
+        o.far.multi_blend = i == 1;
+        o.levels = 2;
+        remove_tree("build_k");
+        build(&o, &report);
+        hw_manifest manifest;
+        assert_int_equal(hw_manifest_read("build_k", &manifest), HW_OK);
+        uint32_t multi_view = 0;
+        for (uint32_t k = 0; k < manifest.cell_count; k++) {
+            hw_cell cell;
+            char *path;
+            assert_int_equal(hw_cell_path(&path, "build_k", manifest.cells[k].id), HW_OK);
+            assert_int_equal(hw_cell_read(path, &cell), HW_OK);
+            hw_free(path);
+            for (uint32_t n = 0; n < cell.far_count; n++) {
+                multi_view += cell.far[n].range_count > 0;
+                assert_true(cell.id.level == 0 || cell.far[n].range_count == 0);
+            }
+            hw_cell_free(&cell);
+        }
+        hw_manifest_free(&manifest);
+        assert_true(multi_view > 5);
+        remove_tree("build_l");
+        o.dataset = "build_l";
+        o.threads = 1;
+        build(&o, &report);
+        assert_same_datasets("build_k", "build_l");
+    }
+}
+
 static void stop_is_heeded(void **state)
 {
     (void)state;
@@ -371,6 +412,7 @@ int main(void)
         cmocka_unit_test(what_is_flat_from_afar_is_an_impostor),
         cmocka_unit_test(cells_along_a_tour_come_first),
         cmocka_unit_test(thesis_policy_builds),
+        cmocka_unit_test(multi_view_meshes_are_built),
         cmocka_unit_test(stop_is_heeded),
         cmocka_unit_test(bad_input_is_named),
         cmocka_unit_test(failing_writes_lose_nothing),

@@ -310,12 +310,46 @@ static void viewcell_cost_is_the_formula(void **state)
     bool locked[2] = {0}, border[2] = {0};
     hw_viewcell_metric context = {normals, image, weights};
     hw_metric metric = hw_metric_viewcell(&context);
-    hw_collapser c = {.vertex_count = 2, .positions = positions, .locked = locked, .border = border};
+    hw_collapser c = {
+        .vertex_count = 2, .positions = positions, .locked = locked, .border = border};
     hw_collapse out;
     hw_metric_evaluate(&metric, &c, 0, 1, &out);
     assert_true(fabs(out.cost - 0.7 * 0.7 * 5 * 0.625) < 1e-6);
     assert_int_equal(out.kept, 1);
     assert_memory_equal(out.position, positions[1], sizeof out.position);
+}
+
+// The same over several views: the largest projected length counts, and both ends must be seen by a
+// common view or by none.
+static void multiview_collapses_what_is_seen_together(void **state)
+{
+    (void)state;
+    const float normals[2][3] = {{0, 0, 1}, {0, 0.6f, 0.8f}};
+    const float images[2][2][2] = {{{0, 0}, {3, 4}}, {{1, 0}, {1, 12}}};
+    const float weights[2] = {0.125f, 0.5f};
+    double positions[2][3] = {{1, 2, 3}, {4, 5, 6}};
+    bool locked[2] = {0}, border[2] = {0};
+    hw_collapser c = {
+        .vertex_count = 2, .positions = positions, .locked = locked, .border = border};
+    static const struct {
+        uint32_t sets[2];
+        bool allowed;
+    } cases[] = {{{1, 1}, true}, {{3, 2}, true}, {{0, 0}, true}, {{1, 2}, false}, {{0, 2}, false}};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        hw_multiview_metric context = {.base = {normals, images[0], weights},
+                                       .images = {images[0], images[1]},
+                                       .view_count = 2,
+                                       .sets = cases[i].sets};
+        hw_metric metric = hw_metric_multiview(&context);
+        hw_collapse out;
+        hw_metric_evaluate(&metric, &c, 0, 1, &out);
+        if (cases[i].allowed) {
+            assert_true(fabs(out.cost - 0.7 * 0.7 * 12 * 0.625) < 1e-6);
+            assert_int_equal(out.kept, 1);
+        } else {
+            assert_true(out.cost == (double)INFINITY);
+        }
+    }
 }
 
 static void hostile_meshes_are_survived(void **state)
@@ -474,6 +508,7 @@ int main(void)
         cmocka_unit_test(tolerance_is_a_distance),
         cmocka_unit_test(upright_patches_do_not_fold),
         cmocka_unit_test(viewcell_cost_is_the_formula),
+        cmocka_unit_test(multiview_collapses_what_is_seen_together),
         cmocka_unit_test(hostile_meshes_are_survived),
         cmocka_unit_test(touching_sheets_are_split),
         cmocka_unit_test(open_patches_stay),

@@ -24,9 +24,9 @@ static hw_mesh make_object(hw_vec3 c)
     hw_mesh mesh = shape_plane(hw_v3(c.x + WALL_X, c.y - 15, c.z - 15), hw_v3(0, 0, 30),
                                hw_v3(0, 30, 0), 24, 24);
     uint32_t wall = mesh.vertex_count;
-    hw_mesh pillar = shape_box((hw_box){{c.x + PILLAR_X, c.y - 3, c.z - 15},
-                                        {c.x + PILLAR_X + 4, c.y + 3, c.z + 15}},
-                               false);
+    hw_mesh pillar = shape_box(
+        (hw_box){{c.x + PILLAR_X, c.y - 3, c.z - 15}, {c.x + PILLAR_X + 4, c.y + 3, c.z + 15}},
+        false);
     hw_mesh box = shape_box(
         (hw_box){{c.x + BOX_X, c.y - 4, c.z - 6}, {c.x + BOX_X + 10, c.y + 4, c.z + 6}}, false);
     shape_append(&mesh, &pillar);
@@ -113,8 +113,8 @@ static hw_color8 texel_at(const stage *s, const hw_svmesh *m, uint32_t k, const 
     const hw_capture *capture = k > 0 ? &m->view_captures[k - 1] : &m->capture;
     double h[4];
     for (int r = 0; r < 4; r++)
-        h[r] = matrix.m[r] * p[0] + matrix.m[4 + r] * p[1] + matrix.m[8 + r] * p[2] +
-               matrix.m[12 + r];
+        h[r] =
+            matrix.m[r] * p[0] + matrix.m[4 + r] * p[1] + matrix.m[8 + r] * p[2] + matrix.m[12 + r];
     double x = h[0] / h[3] + HW_CAPTURE_PADDING, y = h[1] / h[3] + HW_CAPTURE_PADDING;
     assert_true(x >= 0 && x < capture->width && y >= 0 && y < capture->height);
     return capture->colors[(size_t)y * capture->width + (size_t)x];
@@ -171,9 +171,9 @@ static void captures_show_what_they_are_said_to(void **state)
     assert_false(derive(&s, &m));
     assert_int_equal(m.record.view_count, 2);
     tally t = check(&s, &m);
-    assert_true(t.bits > 2 * t.walls);  // most of the wall is seen from everywhere
-    assert_true(t.only_others > 10);    // but not what the pillar hides from the centre
-    assert_true(t.pillars >= 6);        // two triangles in front, two on either side
+    assert_true(t.bits > 2 * t.walls); // most of the wall is seen from everywhere
+    assert_true(t.only_others > 10);   // but not what the pillar hides from the centre
+    assert_true(t.pillars >= 6);       // two triangles in front, two on either side
     assert_int_equal(t.sides, 4);
     hw_svmesh_free(&m);
     s.options.multi_view_count = 7;
@@ -244,7 +244,13 @@ static void the_limit_divides_near_from_multi_view(void **state)
     assert_true(derive(&s, &m));
     s.options.multi_view_px = 40; // below its self-occluding error
     assert_true(derive(&s, &m));
-    s.options.multi_view_px = 1000;
+    hw_mesh *mesh = &s.scene.meshes[0];
+    s.options.multi_textured_px = 1000; // another limit, for what has texture coordinates
+    assert_true(derive(&s, &m));
+    assert_int_equal(HW_NEW(&mesh->uvs, mesh->vertex_count), HW_OK);
+    assert_false(derive(&s, &m));
+    assert_int_equal(m.record.view_count, 2);
+    hw_svmesh_free(&m);
     s.options.self_occlusion_px = 1000; // an SVMesh
     s.options.outline_px = 0.1;
     assert_false(derive(&s, &m));

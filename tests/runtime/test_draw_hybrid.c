@@ -206,10 +206,9 @@ static void paint_atlas(hw_cell *cell)
 }
 
 // The cell with all near objects; far ones only in the cell they were made for.
-static void write_cell(const fixture *f, hw_cell_id id, bool with_far)
+static hw_cell make_cell(const fixture *f, hw_cell_id id, bool with_far)
 {
     hw_cell cell = {.id = id, .centre = hw_cell_centre(&f->manifest.grid, id), .key = 1};
-    char *path = NULL;
     cell.near_count = NEAR_OBJECTS;
     assert_ok(HW_NEW(&cell.near, NEAR_OBJECTS));
     for (uint32_t i = 0; i < NEAR_OBJECTS; i++)
@@ -251,10 +250,23 @@ static void write_cell(const fixture *f, hw_cell_id id, bool with_far)
     }
     if (with_far)
         paint_atlas(&cell);
-    assert_ok(hw_cell_path(&path, f->folder, id));
-    assert_ok(hw_cell_write(&cell, path));
+    return cell;
+}
+
+// Frees it.
+static void save_cell(const fixture *f, hw_cell *cell)
+{
+    char *path = NULL;
+    assert_ok(hw_cell_path(&path, f->folder, cell->id));
+    assert_ok(hw_cell_write(cell, path));
     hw_free(path);
-    hw_cell_free(&cell);
+    hw_cell_free(cell);
+}
+
+static void write_cell(const fixture *f, hw_cell_id id, bool with_far)
+{
+    hw_cell cell = make_cell(f, id, with_far);
+    save_cell(f, &cell);
 }
 
 static int remove_entry(const char *path, const struct stat *info, int type, struct FTW *ftw)
@@ -298,6 +310,95 @@ static int close_fixture(void **state)
     hw_manifest_free(&f->manifest);
     hw_context_destroy(f->context);
     return nftw(f->folder, remove_entry, 8, FTW_DEPTH | FTW_PHYS);
+}
+
+// A view of each quad from beside the centre, through windows that are not parallel to it.
+static const hw_far_view views[2] = {
+    {.eye = {20, -30, 3}, .face = FACE + 1, .rect = {8, 76, 56, 44}},
+    {.eye = {-35, 0, 0}, .face = FACE, .rect = {80, 12, 36, 40}},
+};
+
+// Where the plane of the window of view q shows a point of the quad.
+static void view_point(const hw_far_view *view, hw_vec3 point, double out[2])
+{
+    hw_vec3 a, r, u, d = hw_v3_sub(point, view->eye);
+    hw_face_basis((int)view->face, &a, &r, &u);
+    out[0] = (double)hw_v3_dot(d, r) / (double)hw_v3_dot(d, a);
+    out[1] = (double)hw_v3_dot(d, u) / (double)hw_v3_dot(d, a);
+}
+
+// Which field of the quad the view shows at a point of its plane (beyond the quad, the nearest).
+static int view_field(const hw_far_view *view, const far_quad *quad, hw_vec3 centre, double x,
+                      double y)
+{
+    hw_vec3 a, r, u, axis, right, up;
+    hw_face_basis((int)view->face, &a, &r, &u);
+    basis(&axis, &right, &up);
+    hw_vec3 d = hw_v3_mad(hw_v3_mad(a, r, (float)x), u, (float)y);
+    hw_vec3 from = hw_v3_sub(view->eye, centre);
+    float t = (quad->depth - hw_v3_dot(from, axis)) / hw_v3_dot(d, axis);
+    hw_vec3 hit = hw_v3_mad(from, d, t);
+    bool is_right = hw_v3_dot(hit, right) / quad->depth > (quad->x_min + quad->x_max) / 2;
+    bool is_upper = hw_v3_dot(hit, up) / quad->depth > (quad->y_min + quad->y_max) / 2;
+    return is_upper * 2 + is_right;
+}
+
+// Fills the rectangle of a view, with a border of 4 texels, block by block.
+static void paint_view(hw_cell *cell, const hw_far_view *view, const far_quad *quad)
+{
+    hw_image image = {0};
+    hw_rect r = view->rect;
+    uint32_t width = r.width + 8, height = r.height + 8, columns = width / 4;
+    uint8_t *blocks = NULL;
+    assert_ok(hw_image_make(&image, width, height, 3));
+    assert_ok(HW_NEW(&blocks, hw_bc1_bytes(width, height)));
+    for (uint32_t j = 0; j < height; j++)
+        for (uint32_t i = 0; i < width; i++) {
+            double x = view->x_min + (i - 3.5) / r.width * ((double)view->x_max - view->x_min);
+            double y = view->y_min + (j - 3.5) / r.height * ((double)view->y_max - view->y_min);
+            int field = view_field(view, quad, cell->centre, x, y);
+            memcpy(image.data + ((size_t)j * width + i) * 3, palette[quad->colors[field]], 3);
+        }
+    hw_bc1_encode(&image, blocks);
+    for (uint32_t j = 0; j < height / 4; j++)
+        memcpy(cell->atlas_bc1 + 8 * ((size_t)((r.y - 4) / 4 + j) * (ATLAS / 4) + (r.x - 4) / 4),
+               blocks + 8 * (size_t)j * columns, 8 * (size_t)columns);
+    hw_image_free(&image);
+    hw_free(blocks);
+}
+
+// Makes MVMeshes of the quads: each triangle is seen by the captures of its set.
+static void add_views(hw_cell *cell, const uint32_t sets[2][2])
+{
+    assert_ok(HW_NEW(&cell->views, 2));
+    assert_ok(HW_NEW(&cell->ranges, 4));
+    assert_ok(HW_NEW(&cell->colors, cell->vertex_count));
+    cell->color_count = cell->vertex_count;
+    for (uint32_t q = 0; q < 2; q++) {
+        hw_far_view *v = &cell->views[cell->view_count++];
+        hw_far_record *f = &cell->far[q];
+        *v = views[q];
+        v->eye = hw_v3_add(v->eye, cell->centre);
+        v->x_min = v->y_min = INFINITY;
+        v->x_max = v->y_max = -INFINITY;
+        for (int i = 0; i < 4; i++) {
+            double at[2];
+            view_point(v, quad_point(&quads[q], cell->centre, i % 2, i / 2), at);
+            v->x_min = fminf(v->x_min, (float)at[0]);
+            v->x_max = fmaxf(v->x_max, (float)at[0]);
+            v->y_min = fminf(v->y_min, (float)at[1]);
+            v->y_max = fmaxf(v->y_max, (float)at[1]);
+        }
+        paint_view(cell, v, &quads[q]);
+        f->first_view = q;
+        f->view_count = 1;
+        f->first_range = cell->range_count;
+        f->range_count = 2;
+        for (int k = 0; k < 2; k++)
+            cell->ranges[cell->range_count++] = (hw_far_range){sets[q][k], 3};
+    }
+    for (uint32_t i = 0; i < cell->color_count; i++)
+        cell->colors[i] = (hw_color8){200, 100, 50, 255};
 }
 
 static hw_renderer *open_renderer(const fixture *f)
@@ -501,6 +602,53 @@ static void test_same_as_geometry(void **state)
     hw_renderer_destroy(renderer);
 }
 
+static uint32_t count_wrong(fixture *f, hw_renderer *renderer, const hw_camera *camera,
+                            hw_frame_stats *stats)
+{
+    hw_image image = render(f, renderer, camera, stats);
+    hw_image truth = model_render(HW_CONFIG_B, &f->scene, camera, 0, NULL);
+    uint32_t wrong = 0;
+    for (uint32_t y = 0; y < SIZE; y++)
+        for (uint32_t x = 0; x < SIZE; x++)
+            wrong += !is_near(&truth, model_pixel(&image, x, y), x, y, 2);
+    hw_image_free(&image);
+    hw_image_free(&truth);
+    return wrong;
+}
+
+// Whatever captures see the triangles, the picture is the same; where none does, the colours of the
+// vertices show.
+static void test_views(void **state)
+{
+    fixture *f = *state;
+    static const uint32_t sets[][2][2] = {{{1, 1}, {1, 1}}, {{2, 2}, {2, 2}}, {{1, 2}, {2, 1}},
+                                          {{3, 3}, {3, 3}}, {{3, 2}, {1, 3}}, {{0, 3}, {3, 0}}};
+    static const float eyes[][3] = {{0, 0, 0}, {10, -5, 3}, {-20, 10, -6}, {25, 20, 8}};
+    hw_cell_id home = hw_hexgrid_locate(&f->manifest.grid, 0, 0);
+    f->manifest.near_error_px = 1e-6;
+    assert_ok(hw_manifest_write(f->folder, &f->manifest));
+    for (size_t s = 0; s < sizeof sets / sizeof *sets; s++) {
+        hw_cell cell = make_cell(f, home, true);
+        add_views(&cell, sets[s]);
+        save_cell(f, &cell);
+        hw_renderer *renderer = open_renderer(f);
+        for (size_t i = 0; i < sizeof eyes / sizeof *eyes; i++) {
+            hw_camera camera = view(f, eyes[i][0], eyes[i][1], eyes[i][2]);
+            hw_frame_stats stats;
+            uint32_t wrong = count_wrong(f, renderer, &camera, &stats);
+            assert_int_equal(stats.far_triangles, 4);
+            if (s < 5) // where seams run askew through texels of 2.4 pixels
+                assert_in_range(wrong, 0, 100);
+            else
+                assert_in_range(wrong, 2000, SIZE * SIZE / 2); // two triangles of plain colour
+        }
+        hw_renderer_destroy(renderer);
+    }
+    f->manifest.near_error_px = NEAR_PX;
+    assert_ok(hw_manifest_write(f->folder, &f->manifest));
+    write_cell(f, home, true);
+}
+
 // The seam in the middle of quad 0 crosses the image where perspective says, to a twentieth of a
 // pixel.
 static void test_texture_placement(void **state)
@@ -650,6 +798,33 @@ static void test_near_levels(void **state)
     }
     assert_int_equal(seen, 7);
     hw_renderer_destroy(renderer);
+}
+
+// Near objects keep to their budget of triangles together, and give up no more than that needs.
+static void test_near_budget(void **state)
+{
+    fixture *f = *state;
+    const uint32_t budgets[] = {0, 4000, 1000, 300, 1};
+    const hw_manifest_object *sphere = &f->manifest.objects[SPHERE];
+    hw_camera camera = view(f, 0, 0, 0);
+    hw_vec3 c = hw_box_centre(sphere->bounds);
+    camera.eye = hw_v3(sphere->bounds.max.x + 1, c.y, c.z);
+    camera.forward = hw_v3(-1, 0, 0);
+    for (int i = 0; i < 5; i++) {
+        const hw_renderer_desc desc = {
+            .config = HW_CONFIG_C, .dataset = f->folder, .near_triangles = budgets[i]};
+        hw_renderer *renderer;
+        hw_frame_stats stats;
+        assert_ok(hw_renderer_create(&desc, &renderer));
+        hw_image image = render(f, renderer, &camera, &stats);
+        hw_image_free(&image);
+        hw_renderer_destroy(renderer);
+        uint32_t level = 0, rest = 14; // of cube and board, in view or not
+        while (budgets[i] && level + 1 < SPHERE_LODS && sphere_triangles(level) + rest > budgets[i])
+            level++;
+        assert_true(stats.near_triangles >= sphere_triangles(level));
+        assert_true(stats.near_triangles <= sphere_triangles(level) + rest);
+    }
 }
 
 static void test_draw_allocates_nothing(void **state)
@@ -875,10 +1050,12 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_same_as_geometry),
+        cmocka_unit_test(test_views),
         cmocka_unit_test(test_texture_placement),
         cmocka_unit_test(test_cells_dissolve),
         cmocka_unit_test(test_crowd),
         cmocka_unit_test(test_near_levels),
+        cmocka_unit_test(test_near_budget),
         cmocka_unit_test(test_draw_allocates_nothing),
         cmocka_unit_test(test_cells_come),
         cmocka_unit_test(test_broken_files),
