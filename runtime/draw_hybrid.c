@@ -578,6 +578,8 @@ static hw_status choose_near(hybrid *h, const frame_cells *cells, const hw_camer
     if (other)
         list_near(h, other, own, HW_FADE_IN, camera->eye, frustum, count);
     double error_px = fit_error(h, *count, focal_px);
+    if (h->prefetch)
+        hw_prefetch_set_error(h->prefetch, error_px);
     for (uint32_t i = 0; i < *count; i++)
         HW_TRY(get_level(h, draw_key(h, &h->near[i], error_px, focal_px), stats, &h->near[i]));
     return HW_OK;

@@ -44,6 +44,7 @@ struct hw_prefetch {
     hw_store *store;
     const hw_manifest *manifest;
     const float *stretch;
+    double near_error_px;
     uint64_t timestamp;
     uint32_t news; // of the store, when the plan was made
     bool started;
@@ -311,7 +312,7 @@ static void plan_levels(hw_prefetch *p, const candidate *c, uint32_t object_idx,
         want(p, &e, HW_PLACE_GPU);
         return;
     }
-    double error_px = p->manifest->near_error_px, stretch = (double)p->stretch[object_idx];
+    double error_px = p->near_error_px, stretch = (double)p->stretch[object_idx];
     double distance = (double)hw_box_distance(object->bounds, c->entry);
     double ahead = fmin(fmax(p->view.speed * AHEAD_S, AHEAD_LEAST), AHEAD_MOST);
     uint32_t now = hw_prefetch_level(table, error_px, focal_px, stretch, distance);
@@ -384,6 +385,11 @@ void hw_prefetch_update(hw_prefetch *prefetch, const hw_camera *camera, double n
     want_near(p, cell_bytes);
 }
 
+void hw_prefetch_set_error(hw_prefetch *prefetch, double error_px)
+{
+    prefetch->near_error_px = error_px;
+}
+
 void hw_prefetch_urge(hw_prefetch *prefetch, hw_data_key key)
 {
     hw_store_want(prefetch->store, key, (double)prefetch->timestamp + PRIORITY_LACK, HW_PLACE_GPU);
@@ -405,6 +411,7 @@ hw_status hw_prefetch_create(hw_store *store, const hw_manifest *manifest, const
     p->store = store;
     p->manifest = manifest;
     p->stretch = stretch;
+    p->near_error_px = manifest->near_error_px;
     *out = p;
     return HW_OK;
 }

@@ -37,6 +37,9 @@ HW_MUST_USE hw_status hw_prefetch_create(hw_store *store, const hw_manifest *man
 void hw_prefetch_destroy(hw_prefetch *prefetch);
 // Once a frame, after hw_store_begin_frame: follows the viewer, and wishes for what it may need.
 void hw_prefetch_update(hw_prefetch *prefetch, const hw_camera *camera, double now_s);
+// The tolerance that frames choose levels by, px: the dataset's at first, a larger one where a
+// budget of triangles asks for it.
+void hw_prefetch_set_error(hw_prefetch *prefetch, double error_px);
 // Wishes for what a frame lacks, before all else.
 void hw_prefetch_urge(hw_prefetch *prefetch, hw_data_key key);
 uint64_t hw_prefetch_timestamp(const hw_prefetch *prefetch);
