@@ -6,7 +6,7 @@
 #include <stdatomic.h>
 
 // Raise when the content of cells or meshes changes for the same input: it is part of every key.
-#define HW_BUILD_VERSION 3u
+#define HW_BUILD_VERSION 4u
 
 typedef struct hw_build_options {
     const char *scene_path, *dataset;
@@ -28,7 +28,7 @@ typedef struct hw_build_options {
     const atomic_bool *stop; // becomes true to stop soon with HW_INTERRUPTED; may be NULL
 } hw_build_options;
 
-// T_s 30, T_l 4.5, cell size 50, ...: what the measurements in the README were made with.
+// T_s 20, T_l 4.5, cell size 50, ...: what the measurements in the README were made with.
 hw_build_options hw_build_defaults(void);
 
 typedef struct hw_build_report {

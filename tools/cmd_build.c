@@ -11,8 +11,8 @@ static const char *output, *json_file, *policy = "screen", *shard, *along, *heig
                                        *occlusion = "off", *mvmesh_blend = "off";
 static uint64_t threads, memory, levels, texture_side = 1024, every = 1, mvmesh_views = 3;
 static hw_tour tour; // of --along
-static double cell_size = 50, self_occlusion, edge_length = 4.5, near_error = 0.3,
-              outline_error = 0.09, interior_error = 5, impostor = 1, mvmesh_limit,
+static double cell_size = 50, self_occlusion, edge_length = 4.5, near_error = 0.27,
+              outline_error = 0.085, interior_error = 5, impostor = 1, mvmesh_limit,
               mvmesh_textured = 120, mvmesh_outline = 0.03, mvmesh_interior = 3;
 static atomic_bool stop;
 
@@ -28,7 +28,7 @@ static uint32_t options(hw_option *out, uint32_t capacity)
         {"policy", 0, HW_OPTION_CHOICE, &policy, "NAME", "screen|thesis", 0, 0,
          "how far objects are simplified"},
         {"self-occlusion", 0, HW_OPTION_DOUBLE, &self_occlusion, "PX", NULL, 0, 1e6,
-         "T_s, largest self-occluding error of a textured stand-in; 0 means 30 with the policy "
+         "T_s, largest self-occluding error of a textured stand-in; 0 means 20 with the policy "
          "screen, 5 with thesis"},
         {"mvmesh-limit", 0, HW_OPTION_DOUBLE, &mvmesh_limit, "PX", NULL, 0, 1e6,
          "T_mv: objects whose self-occluding error is T_s or more, but below this, are multi-view "
