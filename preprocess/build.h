@@ -11,7 +11,7 @@
 typedef struct hw_build_options {
     const char *scene_path, *dataset;
     double cell_size;
-    int32_t levels;      // of cells, 1 to HW_CELL_LEVELS_MAX
+    int32_t levels;      // of cells, 1 to HW_CELL_LEVELS_MAX; 0: by the number of cells
     double z_min, z_max; // heights above the ground at which eyes may be
     double near_error_px;
     hw_far_options far;

@@ -8,6 +8,7 @@ hw_crossing hw_crossing_at(const hw_hexgrid *grid, hw_cell_id id, hw_vec3 eye, d
     double distance = hw_cell_border(grid, id, (double)eye.x, (double)eye.y, &c.other);
     if (distance < strip)
         c.share = (float)(0.5 * (1 - distance / strip));
+    c.from_above = c.other.q != id.q ? c.other.q > id.q : c.other.r > id.r;
     return c;
 }
 
@@ -16,8 +17,10 @@ int hw_fade_phase(hw_fade fade)
     return fade == HW_FADE_NONE ? HW_PHASE_WHOLE : HW_PHASE_DISSOLVING;
 }
 
-void hw_fade_range(hw_fade fade, float share, float out[2])
+void hw_fade_range(hw_fade fade, const hw_crossing *crossing, float out[2])
 {
-    out[0] = fade == HW_FADE_OUT ? share : 0;
-    out[1] = fade == HW_FADE_IN ? share : 1;
+    float border = crossing->from_above ? 1 - crossing->share : crossing->share;
+    bool low = crossing->from_above == (fade == HW_FADE_OUT);
+    out[0] = fade == HW_FADE_NONE || low ? 0 : border;
+    out[1] = fade == HW_FADE_NONE || !low ? 1 : border;
 }

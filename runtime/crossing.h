@@ -17,6 +17,7 @@ typedef enum hw_fade {
 
 typedef struct hw_crossing {
     float share;      // of the pixels that show the other cell, 0 to 0.5; 0: there is none
+    bool from_above;  // the other cell's pixels are those with the highest numbers, else the lowest
     hw_cell_id other; // of level 0
 } hw_crossing;
 
@@ -28,4 +29,6 @@ enum { HW_PHASE_WHOLE, HW_PHASE_DISSOLVING, HW_PHASES };
 int hw_fade_phase(hw_fade fade);
 // The pixels of a fade: those whose number in [0, 1) (shaders/dissolve.glsl) lies in [out[0],
 // out[1]).
-void hw_fade_range(hw_fade fade, float share, float out[2]);
+// Which cell is the viewer's makes no difference: on the border both shares are one half, and the
+// pixels stay as they are.
+void hw_fade_range(hw_fade fade, const hw_crossing *crossing, float out[2]);

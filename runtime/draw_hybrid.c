@@ -258,8 +258,8 @@ static hw_data_key cell_key(uint32_t index)
 // The viewer's cells, and while one dissolves into another, that one's; by level.
 typedef struct frame_cells {
     hw_cell_gpu *own[HW_CELL_LEVELS_MAX];
-    hw_cell_gpu *other[HW_CELL_LEVELS_MAX]; // with share > 0
-    float share;                            // hw_crossing
+    hw_cell_gpu *other[HW_CELL_LEVELS_MAX]; // with a share > 0
+    hw_crossing crossing;
 } frame_cells;
 
 static void use_cells(hybrid *h, hw_cell_gpu *const *cells)
@@ -449,8 +449,8 @@ static hw_status find_other_cells(hybrid *h, const hw_camera *camera, hw_cell_id
                                   hw_frame_stats *stats, frame_cells *out)
 {
     uint32_t index;
-    out->share = 0;
-    if (h->debug.hard || h->debug.frozen)
+    out->crossing.share = 0;
+    if (h->debug.hard)
         return HW_OK;
     hw_crossing c = hw_crossing_at(&h->manifest.grid, id, camera->eye, h->crossing_width);
     if (c.share == 0 || !hw_store_find_cell(h->store, c.other, &index))
@@ -462,7 +462,7 @@ static hw_status find_other_cells(hybrid *h, const hw_camera *camera, hw_cell_id
     if (!h->prefetch)
         HW_TRY(need_chain(h, c.other, out->other));
     use_cells(h, out->other);
-    out->share = c.share;
+    out->crossing = c;
     return HW_OK;
 }
 
@@ -471,11 +471,11 @@ static hw_status find_cells(hybrid *h, const hw_camera *camera, hw_frame_stats *
 {
     hw_cell_id id = hw_hexgrid_locate(&h->manifest.grid, camera->eye.x, camera->eye.y);
     HW_TRY(find_own_cells(h, camera, id, stats, out->own));
-    out->share = 0;
+    out->crossing.share = 0;
     if (!stats->stream.late_cells)
         HW_TRY(find_other_cells(h, camera, id, stats, out));
     size_t near = 0, far = 0;
-    hw_cell_gpu *const *chains[2] = {out->own, out->share > 0 ? out->other : NULL};
+    hw_cell_gpu *const *chains[2] = {out->own, out->crossing.share > 0 ? out->other : NULL};
     for (int i = 0; i < 2 && chains[i]; i++) {
         near += chains[i][0]->records->near_count;
         for (int32_t l = 0; l < h->manifest.grid.levels; l++)
@@ -571,7 +571,7 @@ static hw_status choose_near(hybrid *h, const frame_cells *cells, const hw_camer
                              const hw_frustum *frustum, hw_frame_stats *stats, uint32_t *count)
 {
     const hw_cell_records *own = cells->own[0]->records;
-    const hw_cell_records *other = cells->share > 0 ? cells->other[0]->records : NULL;
+    const hw_cell_records *other = cells->crossing.share > 0 ? cells->other[0]->records : NULL;
     double focal_px = hw_camera_focal_px(camera);
     *count = 0;
     list_near(h, own, other, HW_FADE_OUT, camera->eye, frustum, count);
@@ -585,14 +585,14 @@ static hw_status choose_near(hybrid *h, const frame_cells *cells, const hw_camer
     return HW_OK;
 }
 
-static void set_kept(GLint location, hw_fade fade, float share)
+static void set_kept(GLint location, hw_fade fade, const hw_crossing *crossing)
 {
     float range[2];
-    hw_fade_range(fade, share, range);
+    hw_fade_range(fade, crossing, range);
     glUniform2fv(location, 1, range);
 }
 
-static void draw_near(hybrid *h, uint32_t count, float share, const hw_mat4 *matrix,
+static void draw_near(hybrid *h, uint32_t count, const hw_crossing *crossing, const hw_mat4 *matrix,
                       hw_frame_stats *stats)
 {
     const near_program *bound = NULL;
@@ -607,7 +607,7 @@ static void draw_near(hybrid *h, uint32_t count, float share, const hw_mat4 *mat
         if (program != bound)
             glUseProgram(program->name);
         bound = program;
-        set_kept(program->kept, h->near[i].fade, share);
+        set_kept(program->kept, h->near[i].fade, crossing);
         if (textured && texture != bound_texture) {
             glBindTexture(GL_TEXTURE_2D, texture);
             bound_texture = texture;
@@ -710,7 +710,7 @@ static void draw_views(hybrid *h, const far_list *list, hw_far_views_frame *fram
 }
 
 // Draws the visible SVMeshes of the list that are cut out, or those that are not, page by page.
-static void draw_list(hybrid *h, const far_list *list, bool cut_out, float share,
+static void draw_list(hybrid *h, const far_list *list, bool cut_out, const hw_crossing *crossing,
                       hw_frame_stats *stats)
 {
     const uint32_t *visible = h->visible + list->first_visible;
@@ -720,7 +720,7 @@ static void draw_list(hybrid *h, const far_list *list, bool cut_out, float share
     if (begin == end)
         return;
     glUseProgram(program->name);
-    set_kept(program->kept, list->fade, share);
+    set_kept(program->kept, list->fade, crossing);
     glBindTexture(GL_TEXTURE_2D, list->cell->atlas.name);
     glBindVertexArray(list->cell->array);
     for (uint32_t i = begin + 1; i <= end; i++) {
@@ -751,7 +751,7 @@ static void draw_far(hybrid *h, const frame_cells *cells, hw_vec3 eye, const hw_
 {
     far_lists far = {.count = 0};
     for (int32_t l = 0; l < h->manifest.grid.levels; l++) {
-        bool differ = cells->share > 0 && cells->other[l] != cells->own[l];
+        bool differ = cells->crossing.share > 0 && cells->other[l] != cells->own[l];
         add_far(h, &far, cells->own[l], differ ? HW_FADE_OUT : HW_FADE_NONE, matrix, frustum);
         if (differ)
             add_far(h, &far, cells->other[l], HW_FADE_IN, matrix, frustum);
@@ -760,14 +760,14 @@ static void draw_far(hybrid *h, const frame_cells *cells, hw_vec3 eye, const hw_
         return;
     glBindBuffer(GL_UNIFORM_BUFFER, h->far_uniforms.name);
     glBufferSubData(GL_UNIFORM_BUFFER, 0, (GLsizeiptr)(far.pages * PAGE_BYTES), h->far);
-    hw_far_views_frame frame = {matrix, eye, HW_FADE_NONE, cells->share, &h->pace, stats};
+    hw_far_views_frame frame = {matrix, eye, HW_FADE_NONE, &cells->crossing, &h->pace, stats};
     hw_debug_tint(&h->debug, HW_REPRESENTATION_MVMESH);
     for (uint32_t i = 0; i < far.count; i++)
         draw_views(h, &far.lists[i], &frame);
     hw_debug_tint(&h->debug, HW_REPRESENTATION_SVMESH);
     for (int cut_out = 0; cut_out < 2; cut_out++)
         for (uint32_t i = 0; i < far.count; i++)
-            draw_list(h, &far.lists[i], cut_out, cells->share, stats);
+            draw_list(h, &far.lists[i], cut_out, &cells->crossing, stats);
 }
 
 // ---- frames ----------------------------------------------------------------------------------
@@ -843,7 +843,7 @@ static hw_status hybrid_draw(void *state, const hw_camera *camera, hw_frame_stat
     hw_ground_gl_draw(&h->ground, &view.matrix, stats);
     hw_gpu_pace_flush(&h->pace);
     hw_debug_tint(&h->debug, HW_REPRESENTATION_NEAR);
-    draw_near(h, view.near_count, view.cells.share, &view.matrix, stats);
+    draw_near(h, view.near_count, &view.cells.crossing, &view.matrix, stats);
     draw_far(h, &view.cells, camera->eye, &view.matrix, &view.frustum, stats);
     glBindVertexArray(0);
     stats->triangles += stats->near_triangles + stats->far_triangles;

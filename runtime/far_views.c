@@ -100,7 +100,7 @@ static void draw_indices(const drawing *d, choice c, uint32_t first, uint32_t co
                                                             : d->gl->blended;
     const hw_far_views_program *program = &phases[hw_fade_phase(d->frame->fade)];
     float kept[2];
-    hw_fade_range(d->frame->fade, d->frame->share, kept);
+    hw_fade_range(d->frame->fade, d->frame->crossing, kept);
     glUseProgram(program->name);
     glUniform2fv(program->kept, 1, kept);
     glUniformMatrix4fv(program->clip, 1, GL_FALSE, d->clip);

@@ -23,7 +23,7 @@ typedef struct hw_far_views_frame {
     const hw_mat4 *matrix; // clip <- world
     hw_vec3 eye;
     hw_fade fade; // of this and the following draws
-    float share;
+    const hw_crossing *crossing;
     hw_gpu_pace *pace;
     hw_frame_stats *stats;
 } hw_far_views_frame;

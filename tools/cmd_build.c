@@ -9,7 +9,7 @@
 
 static const char *output, *json_file, *policy = "screen", *shard, *along, *heights = "8:16",
                                        *occlusion = "off", *mvmesh_blend = "off";
-static uint64_t threads, memory, levels = 1, texture_side = 1024, every = 1, mvmesh_views = 3;
+static uint64_t threads, memory, levels, texture_side = 1024, every = 1, mvmesh_views = 3;
 static hw_tour tour; // of --along
 static double cell_size = 50, self_occlusion, edge_length = 4.5, near_error = 0.3,
               outline_error = 0.09, interior_error = 5, impostor = 1, mvmesh_limit,
@@ -59,9 +59,9 @@ static uint32_t options(hw_option *out, uint32_t capacity)
          "objects with larger captures are near"},
         {"occlusion", 0, HW_OPTION_CHOICE, &occlusion, "on|off", "on|off", 0, 0,
          "leave out of each cell the objects that cannot be seen from any point of it"},
-        {"levels", 0, HW_OPTION_UINT, &levels, "N", NULL, 1, HW_CELL_LEVELS_MAX,
+        {"levels", 0, HW_OPTION_UINT, &levels, "N", NULL, 0, HW_CELL_LEVELS_MAX,
          "levels of the cell hierarchy; each groups seven cells of the one below to draw what is "
-         "far away"},
+         "far away. 0: one for up to 1000 cells, else 3"},
         {"threads", 0, HW_OPTION_UINT, &threads, "N", NULL, 0, 1024,
          "threads; 0 means one per processor"},
         {"shard", 0, HW_OPTION_STRING, &shard, "K/N", NULL, 0, 0,

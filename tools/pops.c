@@ -9,6 +9,7 @@
 
 #define ITEMS_MAX   24  // crossings that are looked at
 #define OFF_FRAMES  60  // from the border to where nothing jumps
+#define NEAR_FRAMES 16  // to each side of a crossing, for which jumps are looked at
 #define COST_LOOKS  400 // frames of the tour that are looked at for what dissolves cost
 #define COST_ROUNDS 3
 
@@ -57,16 +58,11 @@ hw_status hw_pops_find(const hw_manifest *manifest, const hw_tour *tour, hw_pops
 
 // ---- Jumps
 
-typedef struct picture {
-    hw_image image;
-    float *luma;
-} picture;
-
 typedef struct observer {
     const hw_pops_desc *desc;
     size_t pixels;
-    picture truth[2], hybrid[2]; // before and after
-    float *errors[2];
+    hw_image image;
+    float *luma[2];
 } observer;
 
 static hw_camera camera_of(const hw_pops_desc *d, uint32_t frame)
@@ -81,48 +77,70 @@ static hw_status draw(const hw_pops_desc *d, hw_renderer *renderer, const hw_cam
     return hw_renderer_draw(renderer, camera, NULL);
 }
 
-static hw_status look(observer *o, hw_renderer *renderer, uint32_t frame, picture *out)
+// The RMS change between two pictures that are drawn one after the other.
+static hw_status look(observer *o, hw_renderer *renderer, const hw_camera *camera, int which)
 {
-    hw_camera camera = camera_of(o->desc, frame);
-    HW_TRY(draw(o->desc, renderer, &camera));
-    HW_TRY(hw_target_read(o->desc->target, &out->image));
-    hw_luma(&out->image, out->luma);
+    HW_TRY(draw(o->desc, renderer, camera));
+    HW_TRY(hw_target_read(o->desc->target, &o->image));
+    hw_luma(&o->image, o->luma[which]);
     return HW_OK;
 }
 
-static double rms(const observer *o, const float *a, const float *b)
+static double change(const observer *o)
 {
     size_t count;
-    double sum = hw_squared_error(a, b, NULL, o->pixels, &count);
+    double sum = hw_squared_error(o->luma[0], o->luma[1], NULL, o->pixels, &count);
     return sqrt(sum / (double)count);
 }
 
-static double change(const observer *o, const picture pictures[2])
+// From a frame to the next, as a viewer sees it.
+static hw_status see(observer *o, hw_renderer *renderer, uint32_t frame, double *out)
 {
-    return rms(o, pictures[0].luma, pictures[1].luma);
+    for (int i = 0; i < 2; i++) {
+        hw_camera camera = camera_of(o->desc, frame + (uint32_t)i);
+        HW_TRY(look(o, renderer, &camera, i));
+    }
+    *out = change(o);
+    return HW_OK;
 }
 
-static double error_change(observer *o)
+static hw_status see_hybrid(observer *o, uint32_t frame, bool hard, double *out)
 {
-    for (int i = 0; i < 2; i++)
-        for (size_t p = 0; p < o->pixels; p++)
-            o->errors[i][p] = o->hybrid[i].luma[p] - o->truth[i].luma[p];
-    return rms(o, o->errors[0], o->errors[1]);
+    const hw_debug_view view = {.hard = hard};
+    hw_renderer_set_debug_view(o->desc->hybrid, &view);
+    return see(o, o->desc->hybrid, frame, out);
 }
 
-static hw_status look_twice(observer *o, hw_renderer *renderer, uint32_t frame, picture out[2])
+// What of that is not motion.
+static hw_status see_jump(observer *o, uint32_t frame, bool hard, double *out)
 {
-    HW_TRY(look(o, renderer, frame, &out[0]));
-    return look(o, renderer, frame + 1, &out[1]);
+    hw_camera camera = camera_of(o->desc, frame);
+    for (int i = 0; i < 2; i++) {
+        const hw_debug_view view = {
+            .hard = hard, .frozen = true, .camera = camera_of(o->desc, frame + (uint32_t)i)};
+        hw_renderer_set_debug_view(o->desc->hybrid, &view);
+        HW_TRY(look(o, o->desc->hybrid, &camera, i));
+    }
+    *out = change(o);
+    return HW_OK;
 }
 
-static hw_status look_hard(observer *o, uint32_t frame)
+// The largest jump with dissolves of the frames round a crossing.
+static hw_status see_soft_jump(observer *o, uint32_t frame, double *out)
 {
-    const hw_debug_view hard = {.hard = true}, plain = {0};
-    hw_renderer_set_debug_view(o->desc->hybrid, &hard);
-    hw_status status = look_twice(o, o->desc->hybrid, frame, o->hybrid);
-    hw_renderer_set_debug_view(o->desc->hybrid, &plain);
-    return status;
+    const hw_tour *tour = o->desc->tour;
+    uint32_t first = frame > NEAR_FRAMES ? frame - NEAR_FRAMES : 0;
+    *out = 0;
+    for (uint32_t i = first; i < frame + NEAR_FRAMES && i + 1 < tour->frame_count; i++) {
+        hw_cell_id id = cell_at(o->desc->manifest, tour->frames[i].eye);
+        hw_cell_id next = cell_at(o->desc->manifest, tour->frames[i + 1].eye);
+        double jump;
+        if (!has_cell(o->desc->manifest, id) || !has_cell(o->desc->manifest, next))
+            continue;
+        HW_TRY(see_jump(o, i, false, &jump));
+        *out = fmax(*out, jump);
+    }
+    return HW_OK;
 }
 
 // A frame of the same cell as this one, away from the border; this one if there is none.
@@ -141,19 +159,18 @@ static uint32_t usual_frame(const hw_pops_desc *d, uint32_t frame)
 
 static hw_status observe(observer *o, uint32_t frame, hw_pop *out)
 {
+    const hw_debug_view plain = {0};
     const hw_pops_desc *d = o->desc;
-    HW_TRY(look_twice(o, d->truth, frame, o->truth));
-    double truth = change(o, o->truth);
-    HW_TRY(look_hard(o, frame));
-    out->hard = change(o, o->hybrid) - truth;
-    out->hard_error = error_change(o);
-    HW_TRY(look_twice(o, d->hybrid, frame, o->hybrid));
-    out->soft = change(o, o->hybrid) - truth;
-    out->soft_error = error_change(o);
-    uint32_t usual = usual_frame(d, frame);
-    HW_TRY(look_twice(o, d->truth, usual, o->truth));
-    HW_TRY(look_hard(o, usual));
-    out->usual_error = error_change(o);
+    double truth;
+    HW_TRY(see(o, d->truth, frame, &truth));
+    HW_TRY(see_hybrid(o, frame, true, &out->hard));
+    HW_TRY(see_hybrid(o, frame, false, &out->soft));
+    out->hard -= truth;
+    out->soft -= truth;
+    HW_TRY(see_jump(o, frame, true, &out->hard_jump));
+    HW_TRY(see_jump(o, usual_frame(d, frame), true, &out->usual_jump));
+    HW_TRY(see_soft_jump(o, frame, &out->soft_jump));
+    hw_renderer_set_debug_view(d->hybrid, &plain);
     return HW_OK;
 }
 
@@ -224,19 +241,13 @@ hw_status hw_pops_measure(const hw_pops_desc *desc, hw_pops *pops)
 {
     observer o = {.desc = desc, .pixels = (size_t)desc->width * desc->height};
     hw_status status = HW_OK;
-    picture *const pictures[4] = {&o.truth[0], &o.truth[1], &o.hybrid[0], &o.hybrid[1]};
-    for (int i = 0; i < 4; i++)
-        HW_GO(HW_NEW(&pictures[i]->luma, o.pixels));
-    HW_GO(HW_NEW(&o.errors[0], o.pixels));
-    HW_GO(HW_NEW(&o.errors[1], o.pixels));
+    HW_GO(HW_NEW(&o.luma[0], o.pixels));
+    HW_GO(HW_NEW(&o.luma[1], o.pixels));
     HW_GO(observe_all(&o, pops));
     HW_GO(measure_cost(desc, pops));
 out:
-    for (int i = 0; i < 4; i++) {
-        hw_image_free(&pictures[i]->image);
-        hw_free(pictures[i]->luma);
-    }
-    hw_free(o.errors[0]);
-    hw_free(o.errors[1]);
+    hw_image_free(&o.image);
+    hw_free(o.luma[0]);
+    hw_free(o.luma[1]);
     return status;
 }

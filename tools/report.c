@@ -129,9 +129,9 @@ static hw_status summarize_pops(hw_report *report)
     hw_pop_summaries *s = &report->pop_summaries;
     HW_TRY(hw_summarize(&first->soft, stride, count, &s->soft));
     HW_TRY(hw_summarize(&first->hard, stride, count, &s->hard));
-    HW_TRY(hw_summarize(&first->soft_error, stride, count, &s->soft_error));
-    HW_TRY(hw_summarize(&first->hard_error, stride, count, &s->hard_error));
-    return hw_summarize(&first->usual_error, stride, count, &s->usual_error);
+    HW_TRY(hw_summarize(&first->soft_jump, stride, count, &s->soft_jump));
+    HW_TRY(hw_summarize(&first->hard_jump, stride, count, &s->hard_jump));
+    return hw_summarize(&first->usual_jump, stride, count, &s->usual_jump);
 }
 
 hw_status hw_report_summarize(hw_report *report)
@@ -206,10 +206,10 @@ static void add_pops(cJSON *object, const hw_report *r)
     const hw_pop_summaries *s = &r->pop_summaries;
     add_summary(object, "pop", &s->soft, "mean,max");
     add_summary(object, "pop_hard", &s->hard, "mean,max");
-    cJSON *jump = cJSON_AddObjectToObject(object, "error_change");
-    add_summary(jump, "crossing", &s->soft_error, "mean,max");
-    add_summary(jump, "crossing_hard", &s->hard_error, "mean,max");
-    add_summary(jump, "elsewhere", &s->usual_error, "mean,max");
+    cJSON *jump = cJSON_AddObjectToObject(object, "jump");
+    add_summary(jump, "crossing", &s->soft_jump, "mean,max");
+    add_summary(jump, "crossing_hard", &s->hard_jump, "mean,max");
+    add_summary(jump, "elsewhere", &s->usual_jump, "mean,max");
     cJSON *dissolve = cJSON_AddObjectToObject(object, "dissolve");
     add_number(dissolve, "frames_share", r->pops.strip_share);
     add_number(dissolve, "cost", r->pops.dissolve_cost);

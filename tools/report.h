@@ -66,7 +66,7 @@ typedef struct hw_report_config {
 
 // Of the crossings that were looked at (pops.h); NaN if there were none.
 typedef struct hw_pop_summaries {
-    hw_summary soft, hard, soft_error, hard_error, usual_error;
+    hw_summary soft, hard, soft_jump, hard_jump, usual_jump;
 } hw_pop_summaries;
 
 typedef struct hw_report_picture {

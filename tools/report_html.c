@@ -301,9 +301,10 @@ static void put_pops(hw_bytes_writer *w, const hw_report *r)
              r->pops.count);
     put_fact(w, "The same if cells did not dissolve", "mean %s, most %s",
              hw_figure_number(a, s->hard.mean, 2), hw_figure_number(b, s->hard.max, 2));
-    put_fact(w, "Change of the error at a crossing", "mean %s; without dissolves %s; elsewhere %s",
-             hw_figure_number(a, s->soft_error.mean, 2), hw_figure_number(b, s->hard_error.mean, 2),
-             hw_figure_number(d, s->usual_error.mean, 2));
+    put_fact(w, "The jump alone, without motion",
+             "mean %s; if cells did not dissolve %s; elsewhere %s",
+             hw_figure_number(a, s->soft_jump.mean, 2), hw_figure_number(b, s->hard_jump.mean, 2),
+             hw_figure_number(d, s->usual_jump.mean, 2));
     put_fact(w, "Cost of dissolves", "%s %% of the tour's frame time, in %s %% of its frames",
              hw_figure_number(a, r->pops.dissolve_cost * 100, 1),
              hw_figure_number(b, r->pops.strip_share * 100, 1));
@@ -398,10 +399,10 @@ static hw_status put_pop_plot(hw_bytes_writer *w, const hw_report *r)
                           .x = times,
                           .count = r->pops.count,
                           .series_count = 3,
-                          .series = {{"crossing", "var(--c)", &items->soft_error, stride},
-                                     {"without dissolves", "var(--a)", &items->hard_error, stride},
-                                     {"elsewhere", "var(--l)", &items->usual_error, stride}}};
-    hw_status status = put_plot(w, &plot, "Change of the error from frame to frame");
+                          .series = {{"crossing", "var(--c)", &items->soft_jump, stride},
+                                     {"without dissolves", "var(--a)", &items->hard_jump, stride},
+                                     {"elsewhere", "var(--l)", &items->usual_jump, stride}}};
+    hw_status status = put_plot(w, &plot, "Jumps at crossings, without motion");
     hw_free(times);
     return status;
 }
@@ -559,8 +560,8 @@ static void put_method(hw_bytes_writer *w, const hw_report *r)
         "<li>Hole pixels are covered by an object in ground truth and left to sky or ground by the "
         "hybrid. Pop is the RMS luma change of C between the two tour frames around a cell "
         "crossing, less that of B with the same samples; below zero, C changes less than B. The "
-        "change of the error is the RMS of what differs between two frames' errors, C less B: the "
-        "jump alone, where the motion of both is left out.</li>\n"
+        "jump alone is the change seen from one point, with cells and levels of detail as for a "
+        "frame and as for the next: the largest of the frames near a crossing.</li>\n"
         "<li>Process memory is that of a separate process that draws the same frames in this "
         "configuration alone.</li>\n");
     for (uint32_t i = 0; i < r->note_count; i++) {

@@ -720,6 +720,19 @@ static void test_cells_dissolve(void **state)
         assert_true(far > 2000);
         assert_true(fabs((double)gone / far - shares[i]) < 0.02);
     }
+    // Just before and just behind the border the picture is the same, but for a few edges.
+    uint32_t changed = 0;
+    hw_image sides[2];
+    for (int i = 0; i < 2; i++) {
+        hw_vec3 eye = hw_v3_scale(out, (float)(border + (i ? 1e-3 : -1e-3)));
+        hw_camera camera = view(f, eye.x, eye.y, 0);
+        sides[i] = render(f, soft, &camera, NULL);
+    }
+    for (uint32_t p = 0; p < SIZE * SIZE; p++)
+        changed += memcmp(sides[0].data + (size_t)p * 4, sides[1].data + (size_t)p * 4, 4) != 0;
+    assert_true(changed < SIZE);
+    hw_image_free(&sides[0]);
+    hw_image_free(&sides[1]);
     hw_renderer_destroy(hard);
     hw_renderer_destroy(soft);
 }
