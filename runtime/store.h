@@ -7,8 +7,8 @@
 #pragma once
 #include "loader.h"
 
-#define HW_STORE_GPU_BUDGET  (UINT64_C(16) << 20)
-#define HW_STORE_RAM_BUDGET  (UINT64_C(4) << 20)
+#define HW_STORE_GPU_BUDGET  UINT64_C(13000000)
+#define HW_STORE_RAM_BUDGET  UINT64_C(4000000)
 #define HW_STORE_FRAME_BYTES (UINT64_C(1) << 20)
 
 typedef struct hw_store_desc {
