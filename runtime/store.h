@@ -7,8 +7,10 @@
 #pragma once
 #include "loader.h"
 
-#define HW_STORE_GPU_BUDGET  (UINT64_C(16) << 20)
-#define HW_STORE_RAM_BUDGET  (UINT64_C(4) << 20)
+#define HW_STORE_GPU_BUDGET UINT64_C(13000000)
+#define HW_STORE_GPU_WAITING                                                                       \
+    UINT64_C(20000000) // the same where nothing is streamed: RGBA in software GL
+#define HW_STORE_RAM_BUDGET  UINT64_C(4000000)
 #define HW_STORE_FRAME_BYTES (UINT64_C(1) << 20)
 
 typedef struct hw_store_desc {

@@ -104,7 +104,7 @@ run 0 measure data --tour tour.json --configs A,B,L,C -o full --every 6 --size 1
         and r["cell_crossings"] > 0 and r["configs"]["C"]["pop"]["mean"] is not None
         and r["size"] == [160, 120] and r["reference_samples"] == 4
         and json.load(open("copy.json")) == r
-        and (page.count("<svg") == 4 or "gnuplot" in page) and page.count("data:image/") == 18'
+        and (page.count("<svg") == 5 or "gnuplot" in page) and page.count("data:image/") == 18'
 [[ -z $(find full -name '*.tmp') ]] || fail 'temporary files are left'
 
 # One frame, one configuration, four samples: nothing to compare frame times with.
@@ -124,14 +124,14 @@ run 0 measure data --tour tour.json --configs C -o stream --every 1000 --size 64
         and r["streaming"]["runs"]["no_prefetch"]["frames_missing"] == 0
         and all(run["frames_missing"] < 60 and run["stalls"] == 0 and run["bytes"] > 0
                 for key, run in r["streaming"]["runs"].items() if key != "no_prefetch")
-        and (page.count("<svg") == 7 or "gnuplot" in page)'
+        and (page.count("<svg") == 8 or "gnuplot" in page)'
 run 2 measure data --tour tour.json --configs C -o wrong --bandwidth 2M
 
 # Without gnuplot the page says so in place of the plots.
 mkdir empty
 PATH=$work/empty run 0 measure data --tour tour.json --configs B,C -o bare --every 12 --size 64x64 \
     --reference-samples 2 --repeat 1 --quiet &&
-    check 'without gnuplot' bare 2 B,C 'page.count("<svg") == 0 and page.count("gnuplot is not installed") == 4'
+    check 'without gnuplot' bare 2 B,C 'page.count("<svg") == 0 and page.count("gnuplot is not installed") == 5'
 
 # Another scene than the dataset's is refused by name, and a failure leaves no report.
 make_scene 9 >balls.obj
