@@ -93,7 +93,7 @@ static uint64_t make_key(const build *b)
                               o->chain.importance_floor,
                               o->chain.pull_back,
                               o->cull_occluded,
-                              o->cull_occluded ? o->occlusion.rays : 0,
+                              o->cull_occluded ? o->occlusion.eyes : 0,
                               o->cull_occluded ? o->occlusion.margin : 0};
     uint64_t key = hw_hash(b->scene_hash, o->far.policy->name, strlen(o->far.policy->name));
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
@@ -430,7 +430,7 @@ static hw_status make_rays(build *b)
     }
     HW_GO(hw_capturer_create(&b->scene, b->rays, &b->capturer));
     if (b->options->cull_occluded)
-        HW_GO(hw_occlusion_create(&b->occlusion, &b->scene, b->rays, &b->options->occlusion));
+        HW_GO(hw_occlusion_create(&b->occlusion, &b->scene, b->rays, &b->grid, &b->options->occlusion));
     b->report->rays_seconds = (hw_clock_ms() - start) / 1000;
 out:
     hw_free(keys);

@@ -239,9 +239,9 @@ static hw_status add_objects(const hw_cell_inputs *in, const hw_cell_view *view,
         groups[l] = hw_cell_view_make(in->grid, hw_cell_ancestor(view->id, l));
     HW_GO(HW_NEW(&a->near, count));
     HW_GO(HW_NEW(&a->far, count));
-    if (in->occlusion && view->id.level == 0) { // a group is too large to be sampled as densely
+    if (in->occlusion) {
         HW_GO(HW_NEW(&seen, count));
-        HW_GO(hw_occlusion_query(in->occlusion, in->grid, view->id, seen));
+        HW_GO(hw_occlusion_query(in->occlusion, view->id, seen));
     }
     for (uint32_t i = 0; i < count; i++) {
         uint32_t k = in->backwards ? count - 1 - i : i, object_idx = in->order ? in->order[k] : k;

@@ -77,7 +77,7 @@ static hw_status read_records(check *c, hw_cell_id id, cell_check *k)
     char *path = NULL;
     if (c->occlusion) {
         double start = thread_ms();
-        HW_TRY(hw_occlusion_query(c->occlusion, &c->grid, id, k->recorded));
+        HW_TRY(hw_occlusion_query(c->occlusion, id, k->recorded));
         atomic_fetch_add(&c->query_us, (unsigned long long)(1000 * (thread_ms() - start)));
         return HW_OK;
     }
@@ -178,7 +178,7 @@ static hw_status open_scene(check *c)
     c->grid =
         hw_hexgrid_cover(box.min.x, box.min.y, box.max.x, box.max.y, 50, ground + 8, ground + 16);
     HW_TRY(hw_rays_create_scene(&c->rays, &c->scene));
-    return hw_occlusion_create(&c->occlusion, &c->scene, c->rays, &c->options);
+    return hw_occlusion_create(&c->occlusion, &c->scene, c->rays, &c->grid, &c->options);
 }
 
 static hw_status run(check *c)
@@ -207,13 +207,13 @@ int main(int argc, char **argv)
     if (argc < 2 || argc > 7) {
         fprintf(stderr,
                 "Usage: check_occlusion DATASET [VIEWS [CELLS [SEED]]]\n"
-                "       check_occlusion SCENE.glb [VIEWS [CELLS [SEED [RAYS [MARGIN]]]]]\n");
+                "       check_occlusion SCENE.glb [VIEWS [CELLS [SEED [EYES [MARGIN]]]]]\n");
         return 2;
     }
     const char *dot = strrchr(argv[1], '.');
     bool is_scene = dot && strcmp(dot, ".glb") == 0;
     hw_occlusion_options o = hw_occlusion_defaults();
-    o.rays = (uint32_t)argument(argc, argv, 5, o.rays);
+    o.eyes = (uint32_t)argument(argc, argv, 5, o.eyes);
     o.margin = argument(argc, argv, 6, o.margin);
     check c = {.dataset = is_scene ? NULL : argv[1],
                .scene_path = argv[1],
