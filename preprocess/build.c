@@ -61,7 +61,7 @@ hw_build_options hw_build_defaults(void)
                 .capture_side_max = 1024,
                 .capture_samples = 2},
         .chain = {.face_floor = 40, .importance_floor = 0.05f, .pull_back = 0.25f},
-        .cull_occluded = false,
+        .cull = HW_OCCLUSION_OFF,
         .occlusion = hw_occlusion_defaults(),
     };
 }
@@ -92,9 +92,10 @@ static uint64_t make_key(const build *b)
                               o->chain.face_floor,
                               o->chain.importance_floor,
                               o->chain.pull_back,
-                              o->cull_occluded,
-                              o->cull_occluded ? o->occlusion.eyes : 0,
-                              o->cull_occluded ? o->occlusion.margin : 0};
+                              o->cull,
+                              o->cull ? o->occlusion.eyes : 0,
+                              o->cull ? o->occlusion.face_eyes : 0,
+                              o->cull ? o->occlusion.margin : 0};
     uint64_t key = hw_hash(b->scene_hash, o->far.policy->name, strlen(o->far.policy->name));
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
         key = hash_number(key, numbers[i]);
@@ -361,6 +362,7 @@ static hw_status build_cell(build *b, hw_cell_id id, const char *path, uint32_t 
                              .chains = b->chains,
                              .capturer = b->capturer,
                              .occlusion = b->occlusion,
+                             .cull_faces = b->options->cull == HW_OCCLUSION_TRIANGLES,
                              .grid = &b->grid,
                              .far = b->options->far,
                              .near_error_px = b->options->near_error_px,
@@ -419,7 +421,7 @@ static hw_status make_rays(build *b)
     hw_status status = HW_OK;
     double start = hw_clock_ms();
     keyed *keys = NULL;
-    if (b->budget && !b->options->cull_occluded) {
+    if (b->budget && !b->options->cull) {
         HW_GO(HW_NEW(&keys, b->scene.object_count));
         for (uint32_t i = 0; i < b->scene.object_count; i++)
             keys[i] = (keyed){b->scene.objects[i].mesh_idx, i};
@@ -429,8 +431,9 @@ static hw_status make_rays(build *b)
         HW_GO(make_whole_rays(b));
     }
     HW_GO(hw_capturer_create(&b->scene, b->rays, &b->capturer));
-    if (b->options->cull_occluded)
-        HW_GO(hw_occlusion_create(&b->occlusion, &b->scene, b->rays, &b->grid, &b->options->occlusion));
+    if (b->options->cull)
+        HW_GO(hw_occlusion_create(&b->occlusion, &b->scene, b->rays, &b->grid,
+                                  &b->options->occlusion));
     b->report->rays_seconds = (hw_clock_ms() - start) / 1000;
 out:
     hw_free(keys);

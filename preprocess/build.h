@@ -8,6 +8,12 @@
 // Raise when the content of cells or meshes changes for the same input: it is part of every key.
 #define HW_BUILD_VERSION 2u
 
+typedef enum hw_occlusion_mode {
+    HW_OCCLUSION_OFF,
+    HW_OCCLUSION_OBJECTS,
+    HW_OCCLUSION_TRIANGLES // objects, and triangles of far objects
+} hw_occlusion_mode;
+
 typedef struct hw_build_options {
     const char *scene_path, *dataset;
     double cell_size;
@@ -16,7 +22,7 @@ typedef struct hw_build_options {
     double near_error_px;
     hw_far_options far;
     hw_chain_options chain;
-    bool cull_occluded; // leave out of a cell what cannot be seen from it
+    hw_occlusion_mode cull; // what is left out of a cell because it cannot be seen from it
     hw_occlusion_options occlusion;
     uint32_t threads; // 0 = default
     uint32_t shard_index,

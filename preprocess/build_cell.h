@@ -15,6 +15,7 @@ typedef struct hw_cell_inputs {
     const hw_chain *chains; // per mesh of the scene
     const hw_capturer *capturer;
     hw_occlusion *occlusion; // NULL: whatever faces the cell is stored
+    bool cull_faces;         // not only objects; needs occlusion
     const hw_hexgrid *grid;
     hw_far_options far;
     double near_error_px;

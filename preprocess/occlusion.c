@@ -2,28 +2,22 @@
 #include "alloc.h"
 #include "cell_eyes.h"
 #include "hash.h"
-#include "inner_boxes.h"
-#include "parallel.h"
 #include "region.h"
 #include "rng.h"
 #include <pthread.h>
-#include <stdlib.h>
 #include <string.h>
 
 #define WIDE     3.0 // margins round an object within which a ray is close
 #define SEEDS    8u  // rays to an object that are followed up, the last found
+#define FOLLOW_UPS 4u // packets after one that came close, for each eye
 #define STEP_MAX 0.2 // of a ray's ends when it is followed up, in cell sizes
 #define OCTAVES  8.0 // by which the least step is smaller
 
 struct hw_occlusion {
     const hw_scene *scene;
-    const hw_rays *rays;
+    hw_sights *sights;
     hw_hexgrid grid;
     hw_occlusion_options options;
-    bool *solid; // per mesh: closed and turned outward
-    bool all_solid;
-    hw_mesh inside;  // boxes inside solid objects, world space
-    hw_rays *blocks; // of `inside`; NULL if there is none
     pthread_mutex_t mutex;
     bool **seen; // per cell of level 0, once asked for; guarded by mutex
 };
@@ -31,113 +25,6 @@ struct hw_occlusion {
 hw_occlusion_options hw_occlusion_defaults(void)
 {
     return (hw_occlusion_options){.eyes = 64, .face_eyes = 96, .margin = 0.1};
-}
-
-// ---- the scene -------------------------------------------------------------------------------
-
-static int by_edge(const void *x, const void *y)
-{
-    const uint64_t a = *(const uint64_t *)x >> 1, b = *(const uint64_t *)y >> 1;
-    return (a > b) - (a < b);
-}
-
-// Whether every edge is used as often in one direction as in the other, and the volume is positive.
-static hw_status mesh_is_solid(const hw_mesh *mesh, bool *out)
-{
-    hw_status status = HW_OK;
-    uint32_t *weld = NULL;
-    uint64_t *edges = NULL;
-    size_t n = mesh->index_count;
-    *out = hw_mesh_volume(mesh) > 0;
-    HW_GO(HW_NEW(&weld, mesh->vertex_count));
-    HW_GO(HW_NEW(&edges, n));
-    HW_GO(hw_mesh_weld_map(mesh, weld));
-    for (size_t i = 0; i < n; i++) {
-        uint64_t a = weld[mesh->indices[i]];
-        uint64_t b = weld[mesh->indices[i % 3 == 2 ? i - 2 : i + 1]];
-        // Vertices count up to 2^32, but with 2^31 a mesh would not fit into memory.
-        edges[i] = a < b ? a << 33 | b << 1 : b << 33 | a << 1 | 1;
-    }
-    qsort(edges, n, sizeof *edges, by_edge);
-    int64_t balance = 0;
-    for (size_t i = 0; i < n; i++) {
-        balance += edges[i] & 1 ? 1 : -1;
-        if (i + 1 == n || edges[i] >> 1 != edges[i + 1] >> 1) {
-            *out &= balance == 0;
-            balance = 0;
-        }
-    }
-out:
-    hw_free(weld);
-    hw_free(edges);
-    return status;
-}
-
-// What is found out of one mesh.
-typedef struct mesh_inside {
-    hw_box boxes[HW_INNER_BOXES_MAX];
-    uint32_t count;
-} mesh_inside;
-
-typedef struct study {
-    hw_occlusion *occlusion;
-    mesh_inside *insides; // per mesh
-} study;
-
-static hw_status study_mesh(void *context, uint64_t index, uint32_t thread)
-{
-    (void)thread;
-    study *s = context;
-    const hw_mesh *mesh = &s->occlusion->scene->meshes[index];
-    HW_TRY(mesh_is_solid(mesh, &s->occlusion->solid[index]));
-    if (!s->occlusion->solid[index])
-        return HW_OK;
-    return hw_inner_boxes(mesh, s->insides[index].boxes, &s->insides[index].count);
-}
-
-static void add_box(hw_mesh *mesh, const hw_mat4 *transform, hw_box box)
-{
-    // Corner i has bit k for the upper end along axis k.
-    static const uint8_t faces[12][3] = {{0, 2, 1}, {1, 2, 3}, {4, 5, 6}, {5, 7, 6},
-                                         {0, 1, 4}, {1, 5, 4}, {2, 6, 3}, {3, 6, 7},
-                                         {0, 4, 2}, {2, 4, 6}, {1, 3, 5}, {3, 7, 5}};
-    for (uint32_t i = 0; i < 36; i++)
-        mesh->indices[mesh->index_count++] = mesh->vertex_count + faces[i / 3][i % 3];
-    for (uint32_t i = 0; i < 8; i++)
-        mesh->positions[mesh->vertex_count++] = hw_mat4_point(transform, hw_box_corner(box, i));
-}
-
-static hw_status make_blocks(hw_occlusion *o, const mesh_inside *insides)
-{
-    size_t count = 0;
-    for (uint32_t i = 0; i < o->scene->object_count; i++)
-        count += insides[o->scene->objects[i].mesh_idx].count;
-    if (count == 0)
-        return HW_OK;
-    HW_TRY(HW_NEW(&o->inside.positions, 8 * count));
-    HW_TRY(HW_NEW(&o->inside.indices, 36 * count));
-    for (uint32_t i = 0; i < o->scene->object_count; i++) {
-        const hw_object *object = &o->scene->objects[i];
-        for (uint32_t k = 0; k < insides[object->mesh_idx].count; k++)
-            add_box(&o->inside, &object->transform, insides[object->mesh_idx].boxes[k]);
-    }
-    return hw_rays_create_mesh(&o->blocks, &o->inside);
-}
-
-static hw_status study_scene(hw_occlusion *o)
-{
-    hw_status status = HW_OK;
-    study s = {o, NULL};
-    HW_GO(HW_NEW(&o->solid, o->scene->mesh_count));
-    HW_GO(HW_NEW(&s.insides, o->scene->mesh_count));
-    HW_GO(hw_parallel_for(o->scene->mesh_count, 0, study_mesh, &s, NULL));
-    o->all_solid = true;
-    for (uint32_t i = 0; i < o->scene->mesh_count; i++)
-        o->all_solid &= o->solid[i];
-    HW_GO(make_blocks(o, s.insides));
-out:
-    hw_free(s.insides);
-    return status;
 }
 
 hw_status hw_occlusion_create(hw_occlusion **out, const hw_scene *scene, const hw_rays *rays,
@@ -149,10 +36,9 @@ hw_status hw_occlusion_create(hw_occlusion **out, const hw_scene *scene, const h
     HW_GO(HW_NEW(&o, 1));
     pthread_mutex_init(&o->mutex, NULL);
     o->scene = scene;
-    o->rays = rays;
     o->grid = *grid;
     o->options = *options;
-    HW_GO(study_scene(o));
+    HW_GO(hw_sights_create(&o->sights, scene, rays));
     HW_GO(HW_NEW(&o->seen, hw_hexgrid_cell_count(grid)));
     *out = o;
     o = NULL;
@@ -168,63 +54,9 @@ void hw_occlusion_destroy(hw_occlusion *o)
     for (uint32_t i = 0; o->seen && i < hw_hexgrid_cell_count(&o->grid); i++)
         hw_free(o->seen[i]);
     hw_free(o->seen);
-    hw_free(o->solid);
-    hw_rays_destroy(o->blocks);
-    hw_mesh_free(&o->inside);
+    hw_sights_destroy(o->sights);
     pthread_mutex_destroy(&o->mutex);
     hw_free(o);
-}
-
-// ---- rays ------------------------------------------------------------------------------------
-
-// Where a ray enters a box; INFINITY if it misses.
-static float entry(hw_vec3 origin, hw_vec3 direction, hw_box box)
-{
-    const float o[3] = {origin.x, origin.y, origin.z};
-    const float d[3] = {direction.x, direction.y, direction.z};
-    const float low[3] = {box.min.x, box.min.y, box.min.z};
-    const float high[3] = {box.max.x, box.max.y, box.max.z};
-    float from = 0, to = INFINITY;
-    for (int k = 0; k < 3; k++) {
-        float inverse = 1 / (fabsf(d[k]) > 1e-12f ? d[k] : 1e-12f);
-        float a = (low[k] - o[k]) * inverse, b = (high[k] - o[k]) * inverse;
-        from = fmaxf(from, fminf(a, b));
-        to = fminf(to, fmaxf(a, b));
-    }
-    return from <= to ? from : INFINITY;
-}
-
-// What a ray meets before the box of the object it goes to.
-typedef enum sight { FREE, WEAKLY_HIDDEN, HIDDEN } sight;
-
-// How some points of an object, or near it, look from an eye. Most that are hidden are so by the
-// inside of something; one that is hidden by nothing but the skin passes an edge closely.
-static void look(const hw_occlusion *o, hw_vec3 eye, hw_box box, const hw_vec3 *points,
-                 uint32_t count, sight *sights)
-{
-    hw_vec3 directions[HW_RAYS_PACKET];
-    float t_max[HW_RAYS_PACKET];
-    uint32_t place[HW_RAYS_PACKET], left = 0;
-    bool blocked[HW_RAYS_PACKET] = {false};
-    for (uint32_t i = 0; i < count; i++) {
-        directions[i] = hw_v3_sub(points[i], eye);
-        t_max[i] = fminf(entry(eye, directions[i], box) * 0.9999f, 1);
-    }
-    if (o->blocks)
-        hw_rays_occluded_many(o->blocks, eye, directions, t_max, count, NULL, blocked);
-    for (uint32_t i = 0; i < count; i++) {
-        sights[i] = HIDDEN;
-        directions[left] = directions[i];
-        t_max[left] = t_max[i];
-        place[left] = i;
-        left += !blocked[i];
-    }
-    if (left == 0)
-        return;
-    hw_rays_occluded_many(o->rays, eye, directions, t_max, left, o->all_solid ? NULL : o->solid,
-                          blocked);
-    for (uint32_t i = 0; i < left; i++)
-        sights[place[i]] = blocked[i] ? WEAKLY_HIDDEN : FREE;
 }
 
 // ---- objects ---------------------------------------------------------------------------------
@@ -309,13 +141,13 @@ static hw_vec3 point_at(const target *t, bool wide, hw_vec3 eye, uint32_t i)
 // than the margin. Otherwise notes those that came close to that.
 static bool arrives(const hw_occlusion *o, target *t, hw_vec3 eye, const hw_vec3 *points)
 {
-    sight sights[HW_RAYS_PACKET];
-    look(o, eye, t->box, points, HW_RAYS_PACKET, sights);
+    hw_sight sights[HW_RAYS_PACKET];
+    hw_sights_look(o->sights, eye, t->box, points, HW_RAYS_PACKET, sights);
     for (uint32_t k = 0; k < HW_RAYS_PACKET; k++) {
-        if (sights[k] == HIDDEN)
+        if (sights[k] == HW_SIGHT_HIDDEN)
             continue;
-        if (sights[k] == FREE &&
-            entry(eye, hw_v3_sub(points[k], eye), t->grown[0]) < INFINITY)
+        if (sights[k] == HW_SIGHT_FREE &&
+            hw_box_entry(eye, hw_v3_sub(points[k], eye), t->grown[0]) < INFINITY)
             return true;
         t->seeds[t->seed_count++ % SEEDS] = (seed){eye, points[k]};
     }
@@ -394,7 +226,7 @@ static bool follow_up(const search *s, target *t)
     double step = STEP_MAX * s->side;
     const uint32_t place[] = {(uint32_t)s->id.q, (uint32_t)s->id.r, t->object_idx};
     hw_rng rng = hw_rng_make(7, hw_hash(7, place, sizeof place));
-    for (uint32_t i = 0; i < o->options.eyes && t->seed_count > 0; i++) {
+    for (uint32_t i = 0; i < FOLLOW_UPS * o->options.eyes && t->seed_count > 0; i++) {
         const seed from = t->seeds[i % (t->seed_count < SEEDS ? t->seed_count : SEEDS)];
         hw_vec3 points[HW_RAYS_PACKET], eye = clamp_to_cell(s, step_from(from.eye, step, &rng));
         for (uint32_t n = 0; n < HW_RAYS_PACKET; n++) {
@@ -468,5 +300,28 @@ hw_status hw_occlusion_query(hw_occlusion *o, hw_cell_id id, bool *seen)
         HW_GO(add_seen(o, leaves[i], seen));
 out:
     hw_free(leaves);
+    return status;
+}
+
+hw_status hw_occlusion_faces(const hw_occlusion *o, hw_cell_id id,
+                             const hw_sight_surface *surface, bool *seen)
+{
+    hw_status status = HW_OK;
+    hw_cell_id *leaves = NULL;
+    hw_vec3 *eyes = NULL, *leaf_eyes = NULL;
+    uint32_t count = 0, each = o->options.face_eyes * HW_SIGHT_EYE_CLASSES;
+    HW_GO(hw_cell_leaves(&o->grid, id, &leaves, &count));
+    HW_GO(HW_NEW(&eyes, (size_t)each * count));
+    HW_GO(HW_NEW(&leaf_eyes, each));
+    for (uint32_t i = 0; i < count; i++) { // the leaves take turns
+        hw_cell_eyes(&o->grid, leaves[i], each, leaf_eyes);
+        for (uint32_t k = 0; k < each; k++)
+            eyes[(size_t)k * count + i] = leaf_eyes[k];
+    }
+    HW_GO(hw_sights_faces(o->sights, surface, eyes, each * count, seen));
+out:
+    hw_free(leaves);
+    hw_free(leaf_eyes);
+    hw_free(eyes);
     return status;
 }

@@ -8,7 +8,7 @@
 // sees what its cells see.
 #pragma once
 #include "hexgrid.h"
-#include "rays.h"
+#include "sight_faces.h"
 
 typedef struct hw_occlusion_options {
     uint32_t eyes;      // of a cell, from which no object is seen that counts as hidden
@@ -30,3 +30,8 @@ void hw_occlusion_destroy(hw_occlusion *occlusion);
 // are drawn (closed meshes, turned outward, from all sides). Remembers what is seen from each cell
 // of level 0: a byte for each of them and each object.
 HW_MUST_USE hw_status hw_occlusion_query(hw_occlusion *occlusion, hw_cell_id id, bool *seen);
+
+// seen[i] tells whether face i of a surface that stands for an object may be seen from the cell past
+// other objects, as hw_sights_faces has it.
+HW_MUST_USE hw_status hw_occlusion_faces(const hw_occlusion *occlusion, hw_cell_id id,
+                                         const hw_sight_surface *surface, bool *seen);

@@ -542,7 +542,8 @@ void hw_rays_occluded_many(const hw_rays *rays, hw_vec3 origin, const hw_vec3 *d
                            const float *t_max, uint32_t count, const bool *solid, bool *hidden)
 {
     assert(rays->top && (rays->instanced || !solid) && count <= HW_RAYS_PACKET);
-    sided_context context = {packet_context(true), rays->places, solid};
+    // Not as coherent: Embree 3.13 then may never come back from an occlusion query on instances.
+    sided_context context = {packet_context(false), rays->places, solid};
     if (solid)
         context.base.filter = pass_backs;
     _Alignas(64) int valid[PACKET];

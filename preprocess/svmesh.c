@@ -9,6 +9,7 @@
 #define DILATION_TEXELS 6u
 #define EXTENT_FACES    1000u
 #define QUANTUM_PX      (1.0 / 32) // coarser steps show on silhouettes
+#define OCCLUSION_PX    8.0        // between points of a face that are looked for
 
 static const hw_svmesh_policy *const policies[] = {&hw_policy_screen, &hw_policy_thesis, NULL};
 
@@ -78,6 +79,17 @@ bool hw_svmesh_project(const hw_svmesh_job *job, hw_vec3 world, double image[3])
     image[1] = focal * hw_v3_dot(rel, up) / depth;
     image[2] = focal * job->view->size / depth;
     return true;
+}
+
+// From image space back to the world.
+static hw_vec3 unproject(const hw_svmesh_job *job, const double image[3])
+{
+    hw_vec3 axis, right, up;
+    hw_face_basis(job->face, &axis, &right, &up);
+    double focal = job->view->focal_px, depth = focal * job->view->size / image[2];
+    hw_vec3 p = hw_v3_mad(job->view->centre, axis, (float)depth);
+    return hw_v3_mad(hw_v3_mad(p, right, (float)(image[0] * depth / focal)), up,
+                     (float)(image[1] * depth / focal));
 }
 
 uint32_t hw_svmesh_eyes(const hw_svmesh_job *job, bool centre_only, hw_vec3 eyes[HW_CELL_CORNERS])
@@ -280,6 +292,38 @@ static bool in_front(const hw_svmesh_job *job)
     return true;
 }
 
+// Drops the faces that no point of the cell sees past other objects.
+static hw_status drop_hidden(const hw_svmesh_job *job, hw_view_mesh *mesh)
+{
+    hw_status status = HW_OK;
+    hw_vec3 *positions = NULL;
+    bool *seen = NULL;
+    uint32_t n = 0;
+    HW_GO(HW_NEW(&positions, mesh->vertex_count));
+    HW_GO(HW_NEW(&seen, mesh->index_count / 3));
+    for (uint32_t v = 0; v < mesh->vertex_count; v++)
+        positions[v] = unproject(job, mesh->positions[v]);
+    const hw_sight_surface surface = {
+        .box = job->scene->objects[job->object_idx].bounds,
+        .vertex_count = mesh->vertex_count,
+        .index_count = mesh->index_count,
+        .positions = positions,
+        .indices = mesh->indices,
+        .spacing = OCCLUSION_PX * job->distance.effective / job->view->focal_px};
+    HW_GO(hw_occlusion_faces(job->occlusion, job->view->id, &surface, seen));
+    for (uint32_t i = 0; i < mesh->index_count; i++)
+        if (seen[i / 3])
+            mesh->indices[n++] = mesh->indices[i];
+    if (n == mesh->index_count)
+        goto out;
+    mesh->index_count = n;
+    HW_GO(hw_view_mesh_compact(mesh));
+out:
+    hw_free(positions);
+    hw_free(seen);
+    return status;
+}
+
 hw_status hw_svmesh_derive(const hw_svmesh_job *job, bool *is_near, hw_svmesh *out)
 {
     hw_status status = HW_OK;
@@ -291,6 +335,8 @@ hw_status hw_svmesh_derive(const hw_svmesh_job *job, bool *is_near, hw_svmesh *o
     if (*is_near)
         return HW_OK;
     HW_GO(job->options->policy->simplify(job, &mesh));
+    if (job->occlusion && mesh.index_count > 0)
+        HW_GO(drop_hidden(job, &mesh));
     if (mesh.index_count == 0)
         goto out;
     if (!hw_svmesh_window(job, &mesh, &window)) {

@@ -11,6 +11,7 @@
 #include "capture.h"
 #include "cell_file.h"
 #include "chain.h"
+#include "occlusion.h"
 #include "region.h"
 
 #define HW_REFERENCE_IMAGE_PX    1024.0 // ImageRes of the thesis; sides of the reference view
@@ -55,7 +56,8 @@ typedef struct hw_svmesh_job {
     const hw_far_options *options;
     const hw_scene *scene;
     const hw_capturer *capturer;
-    const hw_chain *chain; // of the object's mesh
+    const hw_occlusion *occlusion; // NULL: faces behind other objects stay
+    const hw_chain *chain;         // of the object's mesh
     uint32_t object_idx;
     hw_region_distance distance;
     double scale; // largest stretch of the object's transform: mesh units to world units

@@ -39,8 +39,9 @@ static uint32_t options(hw_option *out, uint32_t capacity)
          "surface error (99th percentile) of near objects"},
         {"texture-side", 0, HW_OPTION_UINT, &texture_side, "TEXELS", NULL, 16, 4096,
          "objects with larger captures are near"},
-        {"occlusion", 0, HW_OPTION_CHOICE, &occlusion, "on|off", "on|off", 0, 0,
-         "leave out of each cell the objects that cannot be seen from any point of it"},
+        {"occlusion", 0, HW_OPTION_CHOICE, &occlusion, "WHAT", "off|objects|triangles", 0, 0,
+         "leave out of each cell what cannot be seen from any point of it: whole objects, or "
+         "triangles of far objects too"},
         {"levels", 0, HW_OPTION_UINT, &levels, "N", NULL, 1, HW_CELL_LEVELS_MAX,
          "levels of the cell hierarchy; each groups seven cells of the one below to draw what is "
          "far away"},
@@ -98,7 +99,9 @@ static hw_status read_options(const char *scene, hw_build_options *o)
     o->near_error_px = near_error;
     o->threads = (uint32_t)threads;
     o->memory_bytes = memory;
-    o->cull_occluded = strcmp(occlusion, "on") == 0;
+    o->cull = strcmp(occlusion, "off") == 0       ? HW_OCCLUSION_OFF
+              : strcmp(occlusion, "objects") == 0 ? HW_OCCLUSION_OBJECTS
+                                                  : HW_OCCLUSION_TRIANGLES;
     o->far.policy = hw_policy_find(policy);
     o->far.edge_length_px = edge_length;
     o->far.outline_px = outline_error;
