@@ -6,10 +6,12 @@
 #define SHARE_MIN 1 / 2000. // of all voxels that a further box must add
 #define SPLITS    14        // of a triangle, at most, until it is as small as a voxel
 
+#define LAYERS    2u
+
 enum { OUTSIDE = 1, SURFACE = 2, TAKEN = 4 };
 
 typedef struct voxels {
-    uint32_t n[3]; // with one empty layer all round
+    uint32_t n[3]; // with LAYERS round the mesh, the outermost of which stay empty
     float size;
     hw_vec3 origin;
     uint8_t *marks;
@@ -41,8 +43,9 @@ static hw_status make_voxels(const hw_mesh *mesh, voxels *v)
     if (!(v->size > 0))
         v->size = 1;
     for (int k = 0; k < 3; k++)
-        v->n[k] = (uint32_t)fminf(ceilf(sides[k] / v->size), SIDE) + 3;
-    v->origin = hw_v3_sub(box.min, hw_v3(v->size, v->size, v->size));
+        v->n[k] = (uint32_t)fminf(ceilf(sides[k] / v->size), SIDE) + 1 + 2 * LAYERS;
+    float margin = LAYERS * v->size;
+    v->origin = hw_v3_sub(box.min, hw_v3(margin, margin, margin));
     HW_TRY(HW_NEW(&v->marks, (size_t)v->n[0] * v->n[1] * v->n[2]));
     return HW_NEW(&v->sums, (size_t)(v->n[0] + 1) * (v->n[1] + 1) * (v->n[2] + 1));
 }
@@ -109,7 +112,7 @@ static void mark_surface(voxels *v, const hw_mesh *mesh)
     }
 }
 
-// What can be reached from the empty layer all round.
+// What can be reached from the empty layers all round.
 static hw_status mark_outside(voxels *v)
 {
     size_t count = (size_t)v->n[0] * v->n[1] * v->n[2], n = 0;

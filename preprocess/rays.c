@@ -80,7 +80,7 @@ static hw_status create_mesh_scene(RTCDevice device, const hw_mesh *mesh, RTCSce
     *out = rtcNewScene(device);
     if (!*out)
         return check_device(device, name);
-    rtcSetSceneFlags(*out, RTC_SCENE_FLAG_ROBUST);
+    rtcSetSceneFlags(*out, RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION);
     RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
     if (!geometry)
         return check_device(device, name);
@@ -187,7 +187,7 @@ hw_status hw_rays_create_scene(hw_rays **out, const hw_scene *scene)
     rays->top = rtcNewScene(rays->device);
     if (!rays->top)
         HW_GO(check_device(rays->device, "the scene"));
-    rtcSetSceneFlags(rays->top, RTC_SCENE_FLAG_ROBUST);
+    rtcSetSceneFlags(rays->top, RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION);
     for (uint32_t i = 0; i < scene->object_count; i++)
         HW_GO(attach_object(rays, scene, i));
     rtcCommitScene(rays->top);

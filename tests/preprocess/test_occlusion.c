@@ -18,7 +18,7 @@
 // One cell of side 20 round the origin, eyes at heights 8 to 16.
 static hw_hexgrid one_cell(void)
 {
-    return (hw_hexgrid){.cell_size = 20, .z_min = 8, .z_max = 16, .columns = 1, .rows = 1};
+    return (hw_hexgrid){.cell_size = 20, .z_min = 8, .z_max = 16, .columns = 1, .rows = 1, .levels = 1};
 }
 
 static hw_box box(float x0, float y0, float z0, float x1, float y1, float z1)
@@ -60,8 +60,8 @@ static void stage_free(stage *s)
 static void query(const stage *s, hw_occlusion_options options, bool seen[OBJECTS_MAX])
 {
     hw_occlusion *o;
-    assert_int_equal(hw_occlusion_create(&o, &s->scene, s->rays, &options), HW_OK);
-    assert_int_equal(hw_occlusion_query(o, &s->grid, (hw_cell_id){0}, seen), HW_OK);
+    assert_int_equal(hw_occlusion_create(&o, &s->scene, s->rays, &s->grid, &options), HW_OK);
+    assert_int_equal(hw_occlusion_query(o, (hw_cell_id){0}, seen), HW_OK);
     hw_occlusion_destroy(o);
 }
 
@@ -144,7 +144,7 @@ static void careless_culling_is_caught(void **state)
     bool seen[OBJECTS_MAX];
     slit_scene(boxes);
     stage s = stage_of_boxes(boxes, 4);
-    query(&s, (hw_occlusion_options){.rays = 3, .margin = 0}, seen);
+    query(&s, (hw_occlusion_options){.eyes = 1, .margin = 0}, seen);
     assert_false(seen[2]);
     assert_true(lost_pixels(&s, seen) > 2);
     stage_free(&s);
@@ -157,7 +157,7 @@ static void what_meets_the_cell_is_seen(void **state)
                             box(-0.5f, -0.5f, 9.5f, 1.5f, 1.5f, 10.5f)};
     bool seen[OBJECTS_MAX];
     stage s = stage_of_boxes(boxes, 3);
-    query(&s, (hw_occlusion_options){.rays = 0, .margin = 0}, seen);
+    query(&s, (hw_occlusion_options){.eyes = 0, .margin = 0}, seen);
     assert_false(seen[0]); // below the eyes, and no ray was cast
     assert_true(seen[1] && seen[2]);
     stage_free(&s);
@@ -203,8 +203,7 @@ static void pictures_count_pixels(void **state)
 // ---- many objects ----------------------------------------------------------------------------
 
 typedef struct job {
-    const hw_occlusion *occlusion;
-    const stage *stage;
+    hw_occlusion *occlusion;
     bool seen[8][OBJECTS_MAX];
 } job;
 
@@ -212,7 +211,7 @@ static hw_status query_in_thread(void *context, uint64_t index, uint32_t thread)
 {
     (void)thread;
     job *j = context;
-    return hw_occlusion_query(j->occlusion, &j->stage->grid, (hw_cell_id){0}, j->seen[index]);
+    return hw_occlusion_query(j->occlusion, (hw_cell_id){0}, j->seen[index]);
 }
 
 static void threads_agree(void **state)
@@ -222,9 +221,9 @@ static void threads_agree(void **state)
     slit_scene(boxes);
     stage s = stage_of_boxes(boxes, 4);
     hw_occlusion *o;
-    hw_occlusion_options options = {.rays = 40, .margin = 0};
-    assert_int_equal(hw_occlusion_create(&o, &s.scene, s.rays, &options), HW_OK);
-    job j = {.occlusion = o, .stage = &s};
+    hw_occlusion_options options = {.eyes = 3, .margin = 0};
+    assert_int_equal(hw_occlusion_create(&o, &s.scene, s.rays, &s.grid, &options), HW_OK);
+    job j = {.occlusion = o};
     assert_int_equal(hw_parallel_for(8, 4, query_in_thread, &j, NULL), HW_OK);
     for (int i = 1; i < 8; i++)
         assert_memory_equal(j.seen[0], j.seen[i], 4 * sizeof(bool));
@@ -242,12 +241,12 @@ static void exhausted_memory_is_an_error(void **state)
     uint64_t n = 1;
     for (; status != HW_OK && n < 100; n++) {
         hw_occlusion *o = NULL;
-        hw_occlusion_options options = {.rays = 4};
+        hw_occlusion_options options = {.eyes = 1};
         bool seen[OBJECTS_MAX];
         hw_alloc_fail_after(n);
-        status = hw_occlusion_create(&o, &s.scene, s.rays, &options);
+        status = hw_occlusion_create(&o, &s.scene, s.rays, &s.grid, &options);
         if (status == HW_OK)
-            status = hw_occlusion_query(o, &s.grid, (hw_cell_id){0}, seen);
+            status = hw_occlusion_query(o, (hw_cell_id){0}, seen);
         hw_alloc_fail_after(0);
         assert_true(status == HW_OK || status == HW_MEMORY);
         hw_occlusion_destroy(o);
