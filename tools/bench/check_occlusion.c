@@ -1,6 +1,7 @@
 // Checks a dataset against its scene: from random view points of random cells, every object that
 // covers some pixels of the picture must have a record in the cell. Exit 1 if one has not. Given a
-// scene instead, asks the culling itself, and tells what it costs.
+// scene instead, asks the culling itself, and tells what it costs. With --broken, the culling looks
+// from one eye only, or a dataset's cells lose a record in FORGOTTEN: the check must fail then.
 #include "alloc.h"
 #include "cell_file.h"
 #include "import.h"
@@ -14,7 +15,8 @@
 #include <string.h>
 #include <time.h>
 
-#define EYES_MAX 1000 // tries to find a view point outside all objects
+#define EYES_MAX  1000 // tries to find a view point outside all objects
+#define FORGOTTEN 20u
 
 typedef struct check {
     const char *dataset; // NULL: the culling is asked
@@ -23,6 +25,7 @@ typedef struct check {
     hw_occlusion *occlusion;
     uint64_t seed;
     uint32_t cells, views, pixels_min;
+    bool broken;
     hw_manifest manifest;
     hw_hexgrid grid;
     hw_scene scene;
@@ -88,7 +91,8 @@ static hw_status read_records(check *c, hw_cell_id id, cell_check *k)
     for (uint32_t i = 0; i < k->cell.near_count; i++)
         k->recorded[k->cell.near[i].object_idx] = true;
     for (uint32_t i = 0; i < k->cell.far_count; i++)
-        k->recorded[k->cell.far[i].object_idx] = true;
+        if (!c->broken || i % FORGOTTEN != 0)
+            k->recorded[k->cell.far[i].object_idx] = true;
     return HW_OK;
 }
 
@@ -204,23 +208,26 @@ static double argument(int argc, char **argv, int i, double fallback)
 
 int main(int argc, char **argv)
 {
+    bool broken = argc > 1 && strcmp(argv[argc - 1], "--broken") == 0;
+    argc -= broken;
     if (argc < 2 || argc > 7) {
-        fprintf(stderr,
-                "Usage: check_occlusion DATASET [VIEWS [CELLS [SEED]]]\n"
-                "       check_occlusion SCENE.glb [VIEWS [CELLS [SEED [EYES [MARGIN]]]]]\n");
+        fprintf(stderr, "Usage: check_occlusion DATASET [VIEWS [CELLS [SEED]]] [--broken]\n"
+                        "       check_occlusion SCENE.glb [VIEWS [CELLS [SEED [EYES [MARGIN]]]]] "
+                        "[--broken]\n");
         return 2;
     }
     const char *dot = strrchr(argv[1], '.');
     bool is_scene = dot && strcmp(dot, ".glb") == 0;
     hw_occlusion_options o = hw_occlusion_defaults();
-    o.eyes = (uint32_t)argument(argc, argv, 5, o.eyes);
-    o.margin = argument(argc, argv, 6, o.margin);
+    o.eyes = (uint32_t)argument(argc, argv, 5, broken ? 1 : o.eyes);
+    o.margin = argument(argc, argv, 6, broken ? 0 : o.margin);
     check c = {.dataset = is_scene ? NULL : argv[1],
                .scene_path = argv[1],
                .options = o,
                .seed = (uint64_t)argument(argc, argv, 4, 1),
                .cells = (uint32_t)fmax(argument(argc, argv, 3, 100), 1),
-               .pixels_min = 2};
+               .pixels_min = 2,
+               .broken = broken};
     c.views = (uint32_t)ceil(argument(argc, argv, 2, 10000) / c.cells);
     hw_status status = run(&c);
     if (status != HW_OK)
