@@ -6,7 +6,7 @@
 #define SHARE_MIN 1 / 2000. // of all voxels that a further box must add
 #define SPLITS    14        // of a triangle, at most, until it is as small as a voxel
 
-#define LAYERS    2u
+#define LAYERS 2u
 
 enum { OUTSIDE = 1, SURFACE = 2, TAKEN = 4 };
 
@@ -156,8 +156,8 @@ static void sum_up(voxels *v)
                 uint8_t mark = v->marks[at(v, x, y, z)];
                 row += mark != 0;
                 v->sums[corner(v, x + 1, y + 1, z + 1)] =
-                    row + v->sums[corner(v, x + 1, y, z + 1)] + v->sums[corner(v, x + 1, y + 1, z)] -
-                    v->sums[corner(v, x + 1, y, z)];
+                    row + v->sums[corner(v, x + 1, y, z + 1)] +
+                    v->sums[corner(v, x + 1, y + 1, z)] - v->sums[corner(v, x + 1, y, z)];
             }
         }
 }
@@ -166,9 +166,9 @@ static uint32_t sum_in(const voxels *v, const range *r)
 {
     uint32_t sum = 0;
     for (uint32_t i = 0; i < 8; i++) {
-        uint32_t s = v->sums[corner(v, i & 1 ? r->high[0] : r->low[0],
-                                    i & 2 ? r->high[1] : r->low[1],
-                                    i & 4 ? r->high[2] : r->low[2])];
+        uint32_t s =
+            v->sums[corner(v, i & 1 ? r->high[0] : r->low[0], i & 2 ? r->high[1] : r->low[1],
+                           i & 4 ? r->high[2] : r->low[2])];
         bool minus = ((i & 1) + (i >> 1 & 1) + (i >> 2 & 1)) % 2 == 0;
         sum += minus ? 0 - s : s; // modulo 2^32
     }

@@ -7,11 +7,11 @@
 #include <pthread.h>
 #include <string.h>
 
-#define WIDE     3.0 // margins round an object within which a ray is close
-#define SEEDS    8u  // rays to an object that are followed up, the last found
-#define FOLLOW_UPS 4u // packets after one that came close, for each eye
-#define STEP_MAX 0.2 // of a ray's ends when it is followed up, in cell sizes
-#define OCTAVES  8.0 // by which the least step is smaller
+#define WIDE       3.0 // margins round an object within which a ray is close
+#define SEEDS      8u  // rays to an object that are followed up, the last found
+#define FOLLOW_UPS 8u  // packets after one that came close, for each eye
+#define STEP_MAX   0.2 // of a ray's ends when it is followed up, in cell sizes
+#define OCTAVES    8.0 // by which the least step is smaller
 
 struct hw_occlusion {
     const hw_scene *scene;
@@ -24,7 +24,7 @@ struct hw_occlusion {
 
 hw_occlusion_options hw_occlusion_defaults(void)
 {
-    return (hw_occlusion_options){.eyes = 64, .face_eyes = 96, .margin = 0.1};
+    return (hw_occlusion_options){.eyes = 128, .face_eyes = 96, .margin = 0.1};
 }
 
 hw_status hw_occlusion_create(hw_occlusion **out, const hw_scene *scene, const hw_rays *rays,
@@ -303,8 +303,8 @@ out:
     return status;
 }
 
-hw_status hw_occlusion_faces(const hw_occlusion *o, hw_cell_id id,
-                             const hw_sight_surface *surface, bool *seen)
+hw_status hw_occlusion_faces(const hw_occlusion *o, hw_cell_id id, const hw_sight_surface *surface,
+                             bool *seen)
 {
     hw_status status = HW_OK;
     hw_cell_id *leaves = NULL;

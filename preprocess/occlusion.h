@@ -31,7 +31,7 @@ void hw_occlusion_destroy(hw_occlusion *occlusion);
 // of level 0: a byte for each of them and each object.
 HW_MUST_USE hw_status hw_occlusion_query(hw_occlusion *occlusion, hw_cell_id id, bool *seen);
 
-// seen[i] tells whether face i of a surface that stands for an object may be seen from the cell past
-// other objects, as hw_sights_faces has it.
+// seen[i] tells whether face i of a surface that stands for an object may be seen from the cell
+// past other objects, as hw_sights_faces has it.
 HW_MUST_USE hw_status hw_occlusion_faces(const hw_occlusion *occlusion, hw_cell_id id,
                                          const hw_sight_surface *surface, bool *seen);

@@ -107,8 +107,8 @@ static void drop_settled(faces *f)
     for (uint32_t i = 0; i < f->open_count; i++) {
         point p = f->open[i];
         f->open[left] = p;
-        left += p.owner < vertex_count ? f->needed[p.owner]
-                                       : !is_settled(f, p.owner - vertex_count);
+        left +=
+            p.owner < vertex_count ? f->needed[p.owner] : !is_settled(f, p.owner - vertex_count);
     }
     f->open_count = left;
 }
@@ -118,8 +118,8 @@ static void look_once(faces *f, const hw_vec3 *eyes, uint32_t round)
 {
     uint32_t left = 0;
     for (uint32_t first = 0, c = 0; first < f->open_count; first += HW_RAYS_PACKET, c++) {
-        uint32_t n = f->open_count - first < HW_RAYS_PACKET ? f->open_count - first
-                                                            : HW_RAYS_PACKET;
+        uint32_t n =
+            f->open_count - first < HW_RAYS_PACKET ? f->open_count - first : HW_RAYS_PACKET;
         hw_vec3 points[HW_RAYS_PACKET];
         hw_sight sights[HW_RAYS_PACKET];
         for (uint32_t k = 0; k < n; k++)

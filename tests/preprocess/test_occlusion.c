@@ -19,7 +19,8 @@
 // One cell of side 20 round the origin, eyes at heights 8 to 16.
 static hw_hexgrid one_cell(void)
 {
-    return (hw_hexgrid){.cell_size = 20, .z_min = 8, .z_max = 16, .columns = 1, .rows = 1, .levels = 1};
+    return (hw_hexgrid){
+        .cell_size = 20, .z_min = 8, .z_max = 16, .columns = 1, .rows = 1, .levels = 1};
 }
 
 static hw_box box(float x0, float y0, float z0, float x1, float y1, float z1)
@@ -210,8 +211,7 @@ static void wall_hides_the_foot_of_a_tower(void **state)
     (void)state;
     const hw_box boxes[] = {box(100, -200, 0, 103, 200, 30), box(200, -12, 0, 220, 12, 60)};
     stage s = stage_of_boxes(boxes, 2);
-    hw_mesh front =
-        shape_plane(hw_v3(200, 12, 0), hw_v3(0, -24, 0), hw_v3(0, 0, 60), 24, 24);
+    hw_mesh front = shape_plane(hw_v3(200, 12, 0), hw_v3(0, -24, 0), hw_v3(0, 0, 60), 24, 24);
     hw_occlusion *o;
     const hw_occlusion_options options = hw_occlusion_defaults();
     assert_int_equal(hw_occlusion_create(&o, &s.scene, s.rays, &s.grid, &options), HW_OK);
@@ -241,12 +241,11 @@ static void wall_hides_the_foot_of_a_tower(void **state)
 static void spot_of_a_large_face_is_seen(void **state)
 {
     (void)state;
-    const hw_box boxes[] = {box(100, -200, -90, 103, -3, 90),
-                            box(100, 3, -90, 103, 200, 90), box(100, -3, -90, 103, 3, 9), box(100, -3, 15, 103, 3, 90),
+    const hw_box boxes[] = {box(100, -200, -90, 103, -3, 90), box(100, 3, -90, 103, 200, 90),
+                            box(100, -3, -90, 103, 3, 9), box(100, -3, 15, 103, 3, 90),
                             box(200, -60, -40, 220, 60, 60)};
     stage s = stage_of_boxes(boxes, 5);
-    hw_mesh front =
-        shape_plane(hw_v3(200, 60, -40), hw_v3(0, -120, 0), hw_v3(0, 0, 100), 1, 1);
+    hw_mesh front = shape_plane(hw_v3(200, 60, -40), hw_v3(0, -120, 0), hw_v3(0, 0, 100), 1, 1);
     hw_occlusion *o;
     const hw_occlusion_options options = hw_occlusion_defaults();
     assert_int_equal(hw_occlusion_create(&o, &s.scene, s.rays, &s.grid, &options), HW_OK);
