@@ -62,7 +62,10 @@ void hw_svmesh_free(hw_svmesh *svmesh)
 
 hw_cell_view hw_cell_view_make(const hw_hexgrid *grid, hw_cell_id id)
 {
-    hw_cell_view view = {.grid = grid, .id = id, .centre = hw_cell_centre(grid, id), .size = hw_cell_side(grid, id.level)};
+    hw_cell_view view = {.grid = grid,
+                         .id = id,
+                         .centre = hw_cell_centre(grid, id),
+                         .size = hw_cell_side(grid, id.level)};
     hw_cell_corners(grid, id, view.corners);
     view.focal_px = HW_REFERENCE_IMAGE_PX / 2 / tan(HW_REFERENCE_FOV_DEGREES / 2 * HW_PI / 180);
     return view;
@@ -189,8 +192,7 @@ static hw_status quantise_mesh(const hw_svmesh_job *job, const hw_view_mesh *mes
     hw_status status;
     hw_far_record *record = &out->record;
     uint32_t *remap = NULL;
-    double min[3], max[3], focal = job->view->focal_px,
-                           parallax = focal * job->view->size;
+    double min[3], max[3], focal = job->view->focal_px, parallax = focal * job->view->size;
     image_bounds(mesh, min, max);
     record->iz_min = (float)(min[2] / parallax);
     record->iz_max = (float)fmax(max[2] / parallax, record->iz_min * (1 + 1e-5));
@@ -276,8 +278,7 @@ static double self_occlusion(const hw_svmesh_job *job)
     }
     if (!(least < INFINITY))
         return 0; // nothing faces the cell
-    return hw_self_occluding_error(job->view->size, least, most - least,
-                                   HW_REFERENCE_IMAGE_PX);
+    return hw_self_occluding_error(job->view->size, least, most - least, HW_REFERENCE_IMAGE_PX);
 }
 
 // Whether the whole object lies in front of the plane through the cell centre that its window is
@@ -303,13 +304,13 @@ static hw_status drop_hidden(const hw_svmesh_job *job, hw_view_mesh *mesh)
     HW_GO(HW_NEW(&seen, mesh->index_count / 3));
     for (uint32_t v = 0; v < mesh->vertex_count; v++)
         positions[v] = unproject(job, mesh->positions[v]);
-    const hw_sight_surface surface = {
-        .box = job->scene->objects[job->object_idx].bounds,
-        .vertex_count = mesh->vertex_count,
-        .index_count = mesh->index_count,
-        .positions = positions,
-        .indices = mesh->indices,
-        .spacing = OCCLUSION_PX * job->distance.effective / job->view->focal_px};
+    const hw_sight_surface surface = {.box = job->scene->objects[job->object_idx].bounds,
+                                      .vertex_count = mesh->vertex_count,
+                                      .index_count = mesh->index_count,
+                                      .positions = positions,
+                                      .indices = mesh->indices,
+                                      .spacing = OCCLUSION_PX * job->distance.effective /
+                                                 job->view->focal_px};
     HW_GO(hw_occlusion_faces(job->occlusion, job->view->id, &surface, seen));
     for (uint32_t i = 0; i < mesh->index_count; i++)
         if (seen[i / 3])
