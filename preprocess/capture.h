@@ -45,6 +45,12 @@ HW_MUST_USE hw_status hw_capture_object(const hw_capturer *capturer, uint32_t ob
                                         const hw_capture_window *window, uint32_t samples,
                                         hw_capture *out);
 
+// The same of several objects, at most one of which shows in a texel: the one whose depth there is
+// least. All must lie in front of the plane through the window's centre.
+HW_MUST_USE hw_status hw_capture_objects(const hw_capturer *capturer, const uint32_t *objects,
+                                         uint32_t count, const hw_capture_window *window,
+                                         uint32_t samples, hw_capture *out);
+
 // How long the calling thread has spent in hw_capture_object so far.
 double hw_capture_thread_seconds(void);
 

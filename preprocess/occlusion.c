@@ -142,7 +142,7 @@ static hw_vec3 point_at(const target *t, bool wide, hw_vec3 eye, uint32_t i)
 static bool arrives(const hw_occlusion *o, target *t, hw_vec3 eye, const hw_vec3 *points)
 {
     hw_sight sights[HW_RAYS_PACKET];
-    hw_sights_look(o->sights, eye, t->box, points, HW_RAYS_PACKET, sights);
+    hw_sights_look(o->sights, eye, t->box, NULL, points, HW_RAYS_PACKET, sights);
     for (uint32_t k = 0; k < HW_RAYS_PACKET; k++) {
         if (sights[k] == HW_SIGHT_HIDDEN)
             continue;

@@ -514,21 +514,26 @@ bool hw_rays_occluded(const hw_rays *rays, hw_vec3 origin, hw_vec3 direction, fl
 typedef struct sided_context {
     struct RTCIntersectContext base;
     const object_place *places;
-    const bool *solid; // per mesh
-} sided_context;
+    const hw_rays_hiders *hiders;
+} hiding_context;
 
 // Where Embree keeps an array of a packet of N rays or hits: the accessors are for C++ alone.
 enum { RAY_DIRECTION = 4, HIT_NORMAL = 0, HIT_INSTANCE = 7 };
 
-// Lets rays pass through the backs of what is not solid.
-static void pass_backs(const struct RTCFilterFunctionNArguments *a)
+// Lets rays pass through what does not hide, and through the backs of what is not solid.
+static void pass_through(const struct RTCFilterFunctionNArguments *a)
 {
-    const sided_context *context = (const sided_context *)a->context;
+    const hiding_context *context = (const hiding_context *)a->context;
+    const bool *solid = context->hiders->solid, *objects = context->hiders->objects;
     const float *direction = (const float *)a->ray + (size_t)RAY_DIRECTION * a->N;
     const float *normal = (const float *)a->hit + (size_t)HIT_NORMAL * a->N;
     const uint32_t *instance = (const uint32_t *)a->hit + (size_t)HIT_INSTANCE * a->N;
     for (uint32_t i = 0; i < a->N; i++) {
-        if (a->valid[i] != -1 || context->solid[context->places[instance[i]].mesh_idx])
+        if (a->valid[i] != -1)
+            continue;
+        if (objects && !objects[instance[i]])
+            a->valid[i] = 0;
+        if (!solid || solid[context->places[instance[i]].mesh_idx])
             continue;
         float facing = 0; // ray and normal are both in the mesh's own space here
         for (uint32_t k = 0; k < 3; k++)
@@ -539,13 +544,14 @@ static void pass_backs(const struct RTCFilterFunctionNArguments *a)
 }
 
 void hw_rays_occluded_many(const hw_rays *rays, hw_vec3 origin, const hw_vec3 *directions,
-                           const float *t_max, uint32_t count, const bool *solid, bool *hidden)
+                           const float *t_max, uint32_t count, const hw_rays_hiders *hiders,
+                           bool *hidden)
 {
-    assert(rays->top && (rays->instanced || !solid) && count <= HW_RAYS_PACKET);
+    assert(rays->top && (rays->instanced || !hiders) && count <= HW_RAYS_PACKET);
     // Not as coherent: Embree 3.13 then may never come back from an occlusion query on instances.
-    sided_context context = {packet_context(false), rays->places, solid};
-    if (solid)
-        context.base.filter = pass_backs;
+    hiding_context context = {packet_context(false), rays->places, hiders};
+    if (hiders && (hiders->solid || hiders->objects))
+        context.base.filter = pass_through;
     _Alignas(64) int valid[PACKET];
     _Alignas(64) struct RTCRay16 packet;
     for (uint32_t i = 0; i < PACKET; i++) {

@@ -165,8 +165,8 @@ float hw_box_entry(hw_vec3 origin, hw_vec3 direction, hw_box box)
     return from <= to ? from : INFINITY;
 }
 
-void hw_sights_look(const hw_sights *o, hw_vec3 eye, hw_box box, const hw_vec3 *points,
-                    uint32_t count, hw_sight *sights)
+void hw_sights_look(const hw_sights *o, hw_vec3 eye, hw_box box, const bool *hiders,
+                    const hw_vec3 *points, uint32_t count, hw_sight *sights)
 {
     hw_vec3 directions[HW_RAYS_PACKET];
     float t_max[HW_RAYS_PACKET];
@@ -176,7 +176,7 @@ void hw_sights_look(const hw_sights *o, hw_vec3 eye, hw_box box, const hw_vec3 *
         directions[i] = hw_v3_sub(points[i], eye);
         t_max[i] = fminf(hw_box_entry(eye, directions[i], box) * 0.9999f, 1);
     }
-    if (o->blocks)
+    if (o->blocks && !hiders)
         hw_rays_occluded_many(o->blocks, eye, directions, t_max, count, NULL, blocked);
     for (uint32_t i = 0; i < count; i++) {
         sights[i] = HW_SIGHT_HIDDEN;
@@ -187,8 +187,8 @@ void hw_sights_look(const hw_sights *o, hw_vec3 eye, hw_box box, const hw_vec3 *
     }
     if (left == 0)
         return;
-    hw_rays_occluded_many(o->rays, eye, directions, t_max, left, o->all_solid ? NULL : o->solid,
-                          blocked);
+    const hw_rays_hiders what = {o->all_solid ? NULL : o->solid, hiders};
+    hw_rays_occluded_many(o->rays, eye, directions, t_max, left, &what, blocked);
     for (uint32_t i = 0; i < left; i++)
         sights[place[i]] = blocked[i] ? HW_SIGHT_WEAK : HW_SIGHT_FREE;
 }

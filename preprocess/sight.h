@@ -18,9 +18,9 @@ typedef enum hw_sight {
 // How points on an object or near it (`count` of them, at most HW_RAYS_PACKET) look from an eye.
 // What lies in the object's box does not count: lines end where they enter it. Surfaces hide what
 // is behind them from their front only, as they are drawn (closed meshes, turned outward, from all
-// sides).
-void hw_sights_look(const hw_sights *sights, hw_vec3 eye, hw_box box, const hw_vec3 *points,
-                    uint32_t count, hw_sight *out);
+// sides). With `hiders`, one value per object, those for which it is false hide nothing.
+void hw_sights_look(const hw_sights *sights, hw_vec3 eye, hw_box box, const bool *hiders,
+                    const hw_vec3 *points, uint32_t count, hw_sight *out);
 
 // Where the line origin + t direction enters a box, t >= 0; INFINITY if it misses.
 float hw_box_entry(hw_vec3 origin, hw_vec3 direction, hw_box box);

@@ -125,7 +125,7 @@ static void look_once(faces *f, const hw_vec3 *eyes, uint32_t round)
         for (uint32_t k = 0; k < n; k++)
             points[k] = f->open[first + k].at;
         hw_sights_look(f->sights, eyes[round * HW_SIGHT_EYE_CLASSES + c % HW_SIGHT_EYE_CLASSES],
-                       f->surface->box, points, n, sights);
+                       f->surface->box, f->surface->hiders, points, n, sights);
         for (uint32_t k = 0; k < n; k++) {
             point p = f->open[first + k];
             f->owners[p.owner] |= sights[k] == HW_SIGHT_FREE;

@@ -4,7 +4,8 @@
 
 // A surface that stands for an object, or several.
 typedef struct hw_sight_surface {
-    hw_box box; // of what it stands for: nothing within hides it
+    hw_box box;         // of what it stands for: nothing within hides it
+    const bool *hiders; // per object of the scene: which hide it; NULL: all
     uint32_t vertex_count, index_count;
     const hw_vec3 *positions; // world
     const uint32_t *indices;

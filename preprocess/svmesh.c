@@ -325,11 +325,47 @@ out:
     return status;
 }
 
+static hw_status capture(const hw_svmesh_job *job, const hw_capture_window *window,
+                         hw_capture *out)
+{
+    uint32_t samples = job->options->capture_samples;
+    if (job->members)
+        HW_TRY(hw_capture_objects(job->capturer, job->members, job->member_count, window, samples,
+                                  out));
+    else
+        HW_TRY(hw_capture_object(job->capturer, job->object_idx, window, samples, out));
+    hw_capture_dilate(out, DILATION_TEXELS);
+    return HW_OK;
+}
+
+hw_status hw_svmesh_finish(const hw_svmesh_job *job, const hw_view_mesh *mesh, bool *fits,
+                           hw_svmesh *out)
+{
+    hw_status status = HW_OK;
+    hw_capture_window window;
+    memset(out, 0, sizeof *out);
+    *fits = hw_svmesh_window(job, mesh, &window);
+    if (!*fits)
+        return HW_OK;
+    out->record.object_idx = job->object_idx;
+    out->record.face = (uint32_t)job->face;
+    record_window(&window, &out->record);
+    HW_GO(quantise_mesh(job, mesh, out));
+    if (out->record.index_count == 0)
+        goto out;
+    out->record.bounds = record_bounds(out, job->view->centre);
+    HW_GO(capture(job, &window, &out->capture));
+out:
+    if (status != HW_OK || out->record.index_count == 0)
+        hw_svmesh_free(out);
+    return status;
+}
+
 hw_status hw_svmesh_derive(const hw_svmesh_job *job, bool *is_near, hw_svmesh *out)
 {
     hw_status status = HW_OK;
     hw_view_mesh mesh = {0};
-    hw_capture_window window;
+    bool fits = true;
     memset(out, 0, sizeof *out);
     *is_near = job->distance.nearest <= 0 || !in_front(job) ||
                self_occlusion(job) >= job->options->self_occlusion_px;
@@ -338,25 +374,10 @@ hw_status hw_svmesh_derive(const hw_svmesh_job *job, bool *is_near, hw_svmesh *o
     HW_GO(job->options->policy->simplify(job, &mesh));
     if (job->occlusion && mesh.index_count > 0)
         HW_GO(drop_hidden(job, &mesh));
-    if (mesh.index_count == 0)
-        goto out;
-    if (!hw_svmesh_window(job, &mesh, &window)) {
-        *is_near = true;
-        goto out;
-    }
-    out->record.object_idx = job->object_idx;
-    out->record.face = (uint32_t)job->face;
-    record_window(&window, &out->record);
-    HW_GO(quantise_mesh(job, &mesh, out));
-    if (out->record.index_count == 0)
-        goto out;
-    out->record.bounds = record_bounds(out, job->view->centre);
-    HW_GO(hw_capture_object(job->capturer, job->object_idx, &window, job->options->capture_samples,
-                            &out->capture));
-    hw_capture_dilate(&out->capture, DILATION_TEXELS);
+    if (mesh.index_count > 0)
+        HW_GO(hw_svmesh_finish(job, &mesh, &fits, out));
+    *is_near = !fits;
 out:
     hw_view_mesh_free(&mesh);
-    if (status != HW_OK || *is_near || out->record.index_count == 0)
-        hw_svmesh_free(out);
     return status;
 }

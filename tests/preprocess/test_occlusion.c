@@ -215,8 +215,12 @@ static void wall_hides_the_foot_of_a_tower(void **state)
     hw_occlusion *o;
     const hw_occlusion_options options = hw_occlusion_defaults();
     assert_int_equal(hw_occlusion_create(&o, &s.scene, s.rays, &s.grid, &options), HW_OK);
-    const hw_sight_surface surface = {boxes[1],        front.vertex_count, front.index_count,
-                                      front.positions, front.indices,      2};
+    const hw_sight_surface surface = {.box = boxes[1],
+                                      .vertex_count = front.vertex_count,
+                                      .index_count = front.index_count,
+                                      .positions = front.positions,
+                                      .indices = front.indices,
+                                      .spacing = 2};
     bool *seen;
     assert_int_equal(HW_NEW(&seen, front.index_count / 3), HW_OK);
     assert_int_equal(hw_occlusion_faces(o, (hw_cell_id){0}, &surface, seen), HW_OK);
@@ -250,8 +254,12 @@ static void spot_of_a_large_face_is_seen(void **state)
     const hw_occlusion_options options = hw_occlusion_defaults();
     assert_int_equal(hw_occlusion_create(&o, &s.scene, s.rays, &s.grid, &options), HW_OK);
     for (int fine = 0; fine < 2; fine++) { // corners alone would not do
-        const hw_sight_surface surface = {boxes[4],        front.vertex_count, front.index_count,
-                                          front.positions, front.indices,      fine ? 10 : 1e6};
+        const hw_sight_surface surface = {.box = boxes[4],
+                                          .vertex_count = front.vertex_count,
+                                          .index_count = front.index_count,
+                                          .positions = front.positions,
+                                          .indices = front.indices,
+                                          .spacing = fine ? 10 : 1e6};
         bool seen[2];
         assert_int_equal(hw_occlusion_faces(o, (hw_cell_id){0}, &surface, seen), HW_OK);
         assert_int_equal(seen[0], fine);
