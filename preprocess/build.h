@@ -24,7 +24,9 @@ typedef struct hw_build_options {
     hw_chain_options chain;
     hw_occlusion_mode cull; // what is left out of a cell because it cannot be seen from it
     hw_occlusion_options occlusion;
-    uint32_t threads; // 0 = default
+    bool clusters;           // of far objects
+    double cluster_error_px; // largest self-occluding error of one
+    uint32_t threads;        // 0 = default
     uint32_t shard_index,
         shard_count;       // this run makes every shard_count-th cell and mesh; count 0 or 1 = all
     uint64_t memory_bytes; // bound of the resident memory; 0 = none

@@ -8,11 +8,11 @@
 #include <string.h>
 
 static const char *output, *json_file, *policy = "screen", *shard, *along, *heights = "8:16",
-                                       *occlusion = "off";
+                                       *occlusion = "off", *clusters = "off";
 static uint64_t threads, memory, levels = 1, texture_side = 1024, every = 1;
 static hw_tour tour; // of --along
 static double cell_size = 50, self_occlusion, edge_length = 4.5, near_error = 0.3,
-              outline_error = 0.09, interior_error = 5;
+              cluster_error = 10, outline_error = 0.09, interior_error = 5;
 static atomic_bool stop;
 
 static uint32_t options(hw_option *out, uint32_t capacity)
@@ -42,6 +42,11 @@ static uint32_t options(hw_option *out, uint32_t capacity)
         {"occlusion", 0, HW_OPTION_CHOICE, &occlusion, "WHAT", "off|objects|triangles", 0, 0,
          "leave out of each cell what cannot be seen from any point of it: whole objects, or "
          "triangles of far objects too"},
+        {"clusters", 0, HW_OPTION_CHOICE, &clusters, "on|off", "on|off", 0, 0,
+         "draw far objects that lie near each other in the picture as one, where that takes a "
+         "smaller texture"},
+        {"cluster-error", 0, HW_OPTION_DOUBLE, &cluster_error, "PX", NULL, 0, 1e6,
+         "largest self-occluding error of a cluster"},
         {"levels", 0, HW_OPTION_UINT, &levels, "N", NULL, 1, HW_CELL_LEVELS_MAX,
          "levels of the cell hierarchy; each groups seven cells of the one below to draw what is "
          "far away"},
@@ -102,6 +107,8 @@ static hw_status read_options(const char *scene, hw_build_options *o)
     o->cull = strcmp(occlusion, "off") == 0       ? HW_OCCLUSION_OFF
               : strcmp(occlusion, "objects") == 0 ? HW_OCCLUSION_OBJECTS
                                                   : HW_OCCLUSION_TRIANGLES;
+    o->clusters = strcmp(clusters, "on") == 0;
+    o->cluster_error_px = cluster_error;
     o->far.policy = hw_policy_find(policy);
     o->far.edge_length_px = edge_length;
     o->far.outline_px = outline_error;
