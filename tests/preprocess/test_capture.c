@@ -280,8 +280,8 @@ static void test_failures(void **state)
     hw_capture_free(NULL);
 }
 
-// Two squares, the second half way behind the first: the nearest shows, and where only one is, it is
-// captured as it is alone.
+// Two squares, the second half way behind the first: the nearest shows, and where only one is, it
+// is captured as it is alone.
 static void test_several_objects(void **state)
 {
     (void)state;
