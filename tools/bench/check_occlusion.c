@@ -2,8 +2,10 @@
 // covers some pixels of the picture must have a record in the cell. Exit 1 if one has not. Given a
 // scene instead, asks the culling itself, and tells what it costs. With --broken, the culling looks
 // from one eye only, or a dataset's cells lose a record in FORGOTTEN: the check must fail then.
+// Datasets with clusters cannot be checked: a cell file names only one member of each.
 #include "alloc.h"
 #include "cell_file.h"
+#include "hierarchy.h"
 #include "import.h"
 #include "manifest.h"
 #include "occlusion.h"
@@ -37,7 +39,6 @@ typedef struct check {
 
 // What one cell needs of memory.
 typedef struct cell_check {
-    hw_cell cell;
     bool *recorded; // per object
     uint32_t *pixels;
 } cell_check;
@@ -75,24 +76,35 @@ static double thread_ms(void)
     return 1e3 * (double)t.tv_sec + 1e-6 * (double)t.tv_nsec;
 }
 
+// Adds the records of one cell file.
+static hw_status read_cell(const check *c, hw_cell_id id, bool *recorded)
+{
+    hw_cell cell = {0};
+    char *path = NULL;
+    HW_TRY(hw_cell_path(&path, c->dataset, id));
+    hw_status status = hw_cell_read(path, &cell);
+    hw_free(path);
+    HW_TRY(status);
+    for (uint32_t i = 0; i < cell.near_count; i++)
+        recorded[cell.near[i].object_idx] = true;
+    for (uint32_t i = 0; i < cell.far_count; i++)
+        if (!c->broken || i % FORGOTTEN != 0)
+            recorded[cell.far[i].object_idx] = true;
+    hw_cell_free(&cell);
+    return HW_OK;
+}
+
+// What is drawn from a cell: by its own file, and those of the groups that hold it.
 static hw_status read_records(check *c, hw_cell_id id, cell_check *k)
 {
-    char *path = NULL;
     if (c->occlusion) {
         double start = thread_ms();
         HW_TRY(hw_occlusion_query(c->occlusion, id, k->recorded));
         atomic_fetch_add(&c->query_us, (unsigned long long)(1000 * (thread_ms() - start)));
         return HW_OK;
     }
-    HW_TRY(hw_cell_path(&path, c->dataset, id));
-    hw_status status = hw_cell_read(path, &k->cell);
-    hw_free(path);
-    HW_TRY(status);
-    for (uint32_t i = 0; i < k->cell.near_count; i++)
-        k->recorded[k->cell.near[i].object_idx] = true;
-    for (uint32_t i = 0; i < k->cell.far_count; i++)
-        if (!c->broken || i % FORGOTTEN != 0)
-            k->recorded[k->cell.far[i].object_idx] = true;
+    for (int32_t l = 0; l < c->grid.levels; l++)
+        HW_TRY(read_cell(c, hw_cell_ancestor(id, l), k->recorded));
     return HW_OK;
 }
 
@@ -139,7 +151,6 @@ static hw_status check_cell(void *context, uint64_t index, uint32_t thread)
     for (uint32_t v = 0; v < c->views; v++)
         HW_GO(check_view(c, id, &rng, &k));
 out:
-    hw_cell_free(&k.cell);
     hw_free(k.recorded);
     hw_free(k.pixels);
     return status;
