@@ -10,7 +10,8 @@
     X(FARS, HW_FOURCC('F', 'A', 'R', 'S'))                                                         \
     X(VERT, HW_FOURCC('V', 'E', 'R', 'T'))                                                         \
     X(INDX, HW_FOURCC('I', 'N', 'D', 'X'))                                                         \
-    X(ATLS, HW_FOURCC('A', 'T', 'L', 'S'))
+    X(ATLS, HW_FOURCC('A', 'T', 'L', 'S'))                                                         \
+    X(COVR, HW_FOURCC('C', 'O', 'V', 'R'))
 
 enum {
 #define X(name, tag) HW_CELL_CHUNK_##name,

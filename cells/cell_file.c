@@ -29,6 +29,7 @@ void hw_cell_free(hw_cell *cell)
     hw_free(cell->vertices);
     hw_free(cell->indices);
     hw_free(cell->atlas_bc1);
+    hw_free(cell->coverage_bc4);
     *cell = (hw_cell){0};
 }
 
@@ -59,7 +60,7 @@ static hw_status validate_counts(const hw_cell *c, const char *name)
     bool has_far = c->far_count > 0;
     bool has_atlas = c->atlas_width > 0 && c->atlas_height > 0;
     if (has_far != has_atlas || (!has_far && (c->atlas_width || c->atlas_height)) ||
-        (has_atlas && !c->atlas_bc1))
+        (has_atlas && (!c->atlas_bc1 || !c->coverage_bc4)))
         return hw_fail(HW_FORMAT, "%s: %u far objects with an atlas of %u x %u", name, c->far_count,
                        c->atlas_width, c->atlas_height);
     return HW_OK;
@@ -193,7 +194,8 @@ static shifts find_shifts(const hw_cell *c, const hw_far_record *f)
 static void put_far(hw_bytes_writer *w, const hw_far_record *f, shifts s)
 {
     hw_put_u32(w, f->object_idx);
-    hw_put_u32(w, f->face);
+    hw_put_u16(w, (uint16_t)f->face);
+    hw_put_u16(w, f->cut_out);
     hw_put_f32(w, f->x_min);
     hw_put_f32(w, f->x_max);
     hw_put_f32(w, f->y_min);
@@ -259,6 +261,29 @@ static hw_status join_atlas(const uint8_t *split, size_t size, uint8_t **out)
     return HW_OK;
 }
 
+// A block of coverage is two values and 48 bits of selectors, which are kept apart too.
+static hw_status split_coverage(const uint8_t *blocks, size_t size, uint8_t **out)
+{
+    size_t count = size / BLOCK_BYTES;
+    HW_TRY(HW_NEW(out, size));
+    for (size_t i = 0; i < count; i++) {
+        memcpy(*out + 2 * i, blocks + BLOCK_BYTES * i, 2);
+        memcpy(*out + 2 * count + 6 * i, blocks + BLOCK_BYTES * i + 2, 6);
+    }
+    return HW_OK;
+}
+
+static hw_status join_coverage(const uint8_t *split, size_t size, uint8_t **out)
+{
+    size_t count = size / BLOCK_BYTES;
+    HW_TRY(HW_NEW(out, size));
+    for (size_t i = 0; i < count; i++) {
+        memcpy(*out + BLOCK_BYTES * i, split + 2 * i, 2);
+        memcpy(*out + BLOCK_BYTES * i + 2, split + 2 * count + 6 * i, 6);
+    }
+    return HW_OK;
+}
+
 static size_t atlas_bytes(const hw_cell *c)
 {
     return c->atlas_width ? hw_bc1_bytes(c->atlas_width, c->atlas_height) : 0;
@@ -291,6 +316,8 @@ hw_status hw_cell_to_chunks(const hw_cell *cell, hw_cell_chunks *out)
                             &data[HW_CELL_CHUNK_INDX], &out->size[HW_CELL_CHUNK_INDX]));
     HW_GO(split_atlas(cell->atlas_bc1, atlas_bytes(cell), &data[HW_CELL_CHUNK_ATLS]));
     out->size[HW_CELL_CHUNK_ATLS] = atlas_bytes(cell);
+    HW_GO(split_coverage(cell->coverage_bc4, atlas_bytes(cell), &data[HW_CELL_CHUNK_COVR]));
+    out->size[HW_CELL_CHUNK_COVR] = atlas_bytes(cell);
 out:
     hw_bytes_writer_free(&w);
     hw_free(packed);
@@ -322,14 +349,26 @@ static hw_vec3 get_vec3(hw_bytes_reader *r)
     return hw_v3(x, y, z);
 }
 
-static hw_status get_info(const char *name, const hw_cell_chunks *chunks, hw_cell *c)
+static hw_bytes_reader read_info(const hw_cell_chunks *chunks)
 {
-    hw_bytes_reader r =
-        hw_bytes_reader_make(chunks->data[HW_CELL_CHUNK_INFO], chunks->size[HW_CELL_CHUNK_INFO]);
+    return hw_bytes_reader_make(chunks->data[HW_CELL_CHUNK_INFO], chunks->size[HW_CELL_CHUNK_INFO]);
+}
+
+static hw_status check_version(const char *name, const hw_cell_chunks *chunks)
+{
+    hw_bytes_reader r = read_info(chunks);
     uint32_t version = hw_get_u32(&r);
     if (!r.failed && version != HW_CELL_VERSION)
         return hw_fail(HW_VERSION, "%s: cell version %u, this program reads %u", name, version,
                        HW_CELL_VERSION);
+    return HW_OK;
+}
+
+static hw_status get_info(const char *name, const hw_cell_chunks *chunks, hw_cell *c)
+{
+    HW_TRY(check_version(name, chunks));
+    hw_bytes_reader r = read_info(chunks);
+    (void)hw_get_u32(&r); // the version
     c->id.level = hw_get_i32(&r);
     c->id.q = hw_get_i32(&r);
     c->id.r = hw_get_i32(&r);
@@ -355,7 +394,8 @@ static hw_status check_sizes(const char *name, const hw_cell_chunks *chunks, con
     size_t blocks = (size_t)(c->atlas_width / 4) * (c->atlas_height / 4);
     if (chunks->size[HW_CELL_CHUNK_NEAR] != (size_t)c->near_count * NEAR_BYTES ||
         chunks->size[HW_CELL_CHUNK_FARS] != (size_t)c->far_count * FAR_BYTES ||
-        chunks->size[HW_CELL_CHUNK_ATLS] != blocks * BLOCK_BYTES)
+        chunks->size[HW_CELL_CHUNK_ATLS] != blocks * BLOCK_BYTES ||
+        chunks->size[HW_CELL_CHUNK_COVR] != blocks * BLOCK_BYTES)
         return hw_fail(HW_FORMAT, "%s: counts and sizes of chunks disagree", name);
     return HW_OK;
 }
@@ -363,7 +403,10 @@ static hw_status check_sizes(const char *name, const hw_cell_chunks *chunks, con
 static void get_far(hw_bytes_reader *r, hw_far_record *f)
 {
     f->object_idx = hw_get_u32(r);
-    f->face = hw_get_u32(r);
+    f->face = hw_get_u16(r);
+    uint16_t flags = hw_get_u16(r);
+    f->cut_out = flags == 1;
+    f->face = flags > 1 ? UINT32_MAX : f->face; // no face: found by the checks
     f->x_min = hw_get_f32(r);
     f->x_max = hw_get_f32(r);
     f->y_min = hw_get_f32(r);
@@ -450,9 +493,12 @@ hw_status hw_cell_from_chunks(const char *name, uint64_t key, const hw_cell_chun
     HW_GO(check_sizes(name, chunks, out));
     HW_GO(get_records(chunks, out));
     HW_GO(get_geometry(name, chunks, out));
-    if (out->atlas_width)
+    if (out->atlas_width) {
         HW_GO(join_atlas(chunks->data[HW_CELL_CHUNK_ATLS], chunks->size[HW_CELL_CHUNK_ATLS],
                          &out->atlas_bc1));
+        HW_GO(join_coverage(chunks->data[HW_CELL_CHUNK_COVR], chunks->size[HW_CELL_CHUNK_COVR],
+                            &out->coverage_bc4));
+    }
     HW_GO(hw_cell_validate(out, name));
     HW_GO(put_back_low_bits(name, chunks, out));
 out:
@@ -471,6 +517,9 @@ static hw_status read_container(const char *name, const hw_container *container,
         if (status == HW_NOT_FOUND)
             status = HW_FORMAT;
         HW_GO(status);
+        // Other versions have other chunks.
+        if (i == HW_CELL_CHUNK_INFO)
+            HW_GO(check_version(name, &chunks));
     }
     if (hw_container_chunk_count(container) != HW_CELL_CHUNK_COUNT) {
         status = hw_fail(HW_FORMAT, "%s: unknown chunks", name);

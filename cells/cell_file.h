@@ -10,6 +10,8 @@
 // coordinates are linear in (x, y):
 //   atlas texel = rect.x + x rect.width / 65535,  rect.y + y rect.height / 65535  (texel row 0 is
 //   the bottom of the image, y up).
+// A cut-out record is larger than its object: it is drawn where the atlas's coverage is one half or
+// more.
 #pragma once
 #include "atlas.h"
 #include "container.h"
@@ -17,7 +19,7 @@
 #include "status.h"
 
 #define HW_CELL_MAGIC        HW_FOURCC('H', 'X', 'W', 'C')
-#define HW_CELL_VERSION      1u
+#define HW_CELL_VERSION      2u
 #define HW_CELL_RECORDS_MAX  65535u     // far records
 #define HW_CELL_NEAR_MAX     (1u << 24) // near records
 #define HW_CELL_VERTICES_MAX (1u << 26)
@@ -33,6 +35,7 @@ typedef struct hw_near_record {
 typedef struct hw_far_record {
     uint32_t object_idx; // into the manifest's objects (of a cluster: its first)
     uint32_t face;       // 0..5
+    bool cut_out;        // its outline is that of the atlas's coverage, not of its mesh
     float x_min, x_max, y_min, y_max, iz_min, iz_max;
     hw_box bounds; // world, for culling
     hw_rect rect;  // in the atlas, texels; without the padding
@@ -57,7 +60,8 @@ typedef struct hw_cell {
     hw_far_vertex *vertices;
     uint32_t *indices;
     uint32_t atlas_width, atlas_height; // multiples of 4; 0 x 0 when there are no far objects
-    uint8_t *atlas_bc1;
+    uint8_t *atlas_bc1;                 // colours
+    uint8_t *coverage_bc4;              // of the atlas's texels by the object, 255 = all
 } hw_cell;
 
 void hw_cell_free(hw_cell *cell);

@@ -11,6 +11,7 @@
 #define ENTRY_BYTES  40u
 #define HASH_BYTES   8u
 #define FRONT_BYTES  (HEADER_BYTES + HW_CONTAINER_CHUNKS_MAX * ENTRY_BYTES + HASH_BYTES)
+_Static_assert(FRONT_BYTES == HW_CONTAINER_FRONT_MAX, "as the header says");
 
 // A chunk may not claim to become larger than this: what a reader allocates is bounded by what the
 // file holds.
@@ -29,7 +30,8 @@ typedef struct entry {
 struct hw_container {
     char *name;
     hw_reader *reader;   // of a file
-    const uint8_t *data; // of memory
+    const uint8_t *data; // of memory,
+    uint64_t in_memory;  // so many bytes: of a front fewer than the file's
     uint64_t size, key;
     uint32_t count;
     entry *entries;
@@ -173,6 +175,9 @@ static hw_status read_at(const hw_container *c, uint64_t offset, void *out, size
                        (unsigned long long)c->size);
     if (c->reader)
         return hw_reader_at(c->reader, offset, out, size);
+    if (offset + size > c->in_memory)
+        return hw_fail(HW_FORMAT, "%s: truncated: %llu bytes of its front", c->name,
+                       (unsigned long long)c->in_memory);
     memcpy(out, c->data + offset, size);
     return HW_OK;
 }
@@ -256,7 +261,7 @@ static hw_status read_table(hw_container *c)
 }
 
 static hw_status open_any(hw_container **out, const char *name, const char *path, const void *bytes,
-                          size_t size, uint32_t kind)
+                          size_t size, uint64_t file_bytes, uint32_t kind)
 {
     hw_status status = HW_OK;
     hw_container *c = NULL;
@@ -266,7 +271,8 @@ static hw_status open_any(hw_container **out, const char *name, const char *path
     if (path)
         HW_GO(hw_reader_open(&c->reader, path));
     c->data = bytes;
-    c->size = path ? hw_reader_size(c->reader) : size;
+    c->in_memory = size;
+    c->size = path ? hw_reader_size(c->reader) : file_bytes;
     HW_GO(read_header(c, kind));
     HW_GO(read_table(c));
     *out = c;
@@ -278,13 +284,25 @@ out:
 
 hw_status hw_container_open(hw_container **out, const char *path, uint32_t kind)
 {
-    return open_any(out, path, path, NULL, 0, kind);
+    return open_any(out, path, path, NULL, 0, 0, kind);
 }
 
 hw_status hw_container_open_memory(hw_container **out, const char *name, const void *bytes,
                                    size_t size, uint32_t kind)
 {
-    return open_any(out, name, NULL, bytes, size, kind);
+    return open_any(out, name, NULL, bytes, size, size, kind);
+}
+
+hw_status hw_container_open_front(hw_container **out, const char *name, const void *bytes,
+                                  size_t size, uint64_t file_bytes, uint32_t kind)
+{
+    return open_any(out, name, NULL, bytes, size, file_bytes, kind);
+}
+
+void hw_container_release(hw_container *container)
+{
+    container->data = NULL;
+    container->in_memory = 0;
 }
 
 void hw_container_close(hw_container *container)
@@ -342,36 +360,65 @@ static bool frame_is_right(const entry *e, const uint8_t *stored)
            ZSTD_getFrameContentSize(stored, (size_t)e->stored) == e->raw;
 }
 
+hw_status hw_container_chunk_place(const hw_container *container, uint32_t tag, uint32_t number,
+                                   uint64_t *offset, uint64_t *size)
+{
+    const entry *e = NULL;
+    *offset = *size = 0;
+    HW_TRY(find(container, tag, number, &e));
+    *offset = e->offset;
+    *size = e->stored;
+    return HW_OK;
+}
+
+static hw_status unpack(const hw_container *c, const entry *e, const uint8_t *stored,
+                        uint8_t **data)
+{
+    const int tag[4] = {(int)(e->tag & 127), (int)(e->tag >> 8 & 127), (int)(e->tag >> 16 & 127),
+                        (int)(e->tag >> 24 & 127)};
+    if (hw_hash(0, stored, (size_t)e->stored) != e->hash || !frame_is_right(e, stored))
+        return hw_fail(HW_FORMAT, "%s: chunk %c%c%c%c %u is damaged", c->name, tag[0], tag[1],
+                       tag[2], tag[3], e->number);
+    HW_TRY(HW_NEW(data, (size_t)e->raw));
+    size_t got = ZSTD_decompress(*data, (size_t)e->raw, stored, (size_t)e->stored);
+    if (!ZSTD_isError(got) && got == e->raw)
+        return HW_OK;
+    hw_free(*data);
+    *data = NULL;
+    return hw_fail(HW_FORMAT, "%s: chunk %c%c%c%c %u does not decompress", c->name, tag[0], tag[1],
+                   tag[2], tag[3], e->number);
+}
+
+hw_status hw_container_unpack(const hw_container *container, uint32_t tag, uint32_t number,
+                              const uint8_t *stored, size_t stored_size, uint8_t **data,
+                              size_t *size)
+{
+    const entry *e = NULL;
+    *data = NULL;
+    *size = 0;
+    HW_TRY(find(container, tag, number, &e));
+    if (stored_size != e->stored)
+        return hw_fail(HW_FORMAT, "%s: truncated: %zu bytes of a chunk of %llu", container->name,
+                       stored_size, (unsigned long long)e->stored);
+    HW_TRY(unpack(container, e, stored, data));
+    *size = (size_t)e->raw;
+    return HW_OK;
+}
+
 hw_status hw_container_chunk(const hw_container *container, uint32_t tag, uint32_t number,
                              uint8_t **data, size_t *size)
 {
     hw_status status = HW_OK;
     const entry *e = NULL;
-    uint8_t *stored = NULL, *raw = NULL;
+    uint8_t *stored = NULL;
     *data = NULL;
     *size = 0;
     HW_TRY(find(container, tag, number, &e));
     HW_GO(HW_NEW(&stored, (size_t)e->stored));
     HW_GO(read_at(container, e->offset, stored, (size_t)e->stored));
-    if (hw_hash(0, stored, (size_t)e->stored) != e->hash || !frame_is_right(e, stored)) {
-        status = hw_fail(HW_FORMAT, "%s: chunk %c%c%c%c %u is damaged", container->name,
-                         (int)(tag & 127), (int)(tag >> 8 & 127), (int)(tag >> 16 & 127),
-                         (int)(tag >> 24 & 127), number);
-        goto out;
-    }
-    HW_GO(HW_NEW(&raw, (size_t)e->raw));
-    size_t got = ZSTD_decompress(raw, (size_t)e->raw, stored, (size_t)e->stored);
-    if (ZSTD_isError(got) || got != e->raw) {
-        status = hw_fail(HW_FORMAT, "%s: chunk %c%c%c%c %u does not decompress", container->name,
-                         (int)(tag & 127), (int)(tag >> 8 & 127), (int)(tag >> 16 & 127),
-                         (int)(tag >> 24 & 127), number);
-        goto out;
-    }
-    *data = raw;
+    HW_GO(unpack(container, e, stored, data));
     *size = (size_t)e->raw;
-    raw = NULL;
 out:
     hw_free(stored);
-    hw_free(raw);
     return status;
 }

@@ -33,6 +33,16 @@ typedef struct hw_container hw_container;
 HW_MUST_USE hw_status hw_container_open(hw_container **out, const char *path, uint32_t kind);
 HW_MUST_USE hw_status hw_container_open_memory(hw_container **out, const char *name,
                                                const void *bytes, size_t size, uint32_t kind);
+// From the first `size` bytes of a file of `file_bytes`, which hold at least header and table (so
+// does everything up to HW_CONTAINER_FRONT_MAX). Borrows the bytes; chunks beyond them are had with
+// hw_container_unpack.
+#define HW_CONTAINER_FRONT_MAX (40u + HW_CONTAINER_CHUNKS_MAX * 40u)
+HW_MUST_USE hw_status hw_container_open_front(hw_container **out, const char *name,
+                                              const void *bytes, size_t size, uint64_t file_bytes,
+                                              uint32_t kind);
+// Forgets the borrowed bytes of hw_container_open_front: from now on only hw_container_unpack
+// gives chunks.
+void hw_container_release(hw_container *container);
 void hw_container_close(hw_container *container);
 uint64_t hw_container_key(const hw_container *container);
 uint64_t hw_container_bytes(const hw_container *container);
@@ -43,3 +53,10 @@ HW_MUST_USE hw_status hw_container_chunk_size(const hw_container *container, uin
 // Decompresses one chunk into a new block (hw_free). Only its bytes are read. Thread-safe.
 HW_MUST_USE hw_status hw_container_chunk(const hw_container *container, uint32_t tag,
                                          uint32_t number, uint8_t **data, size_t *size);
+// Where a chunk lies in the file, and the same decompression from its `size` bytes there, fetched
+// by the caller. Thread-safe.
+HW_MUST_USE hw_status hw_container_chunk_place(const hw_container *container, uint32_t tag,
+                                               uint32_t number, uint64_t *offset, uint64_t *size);
+HW_MUST_USE hw_status hw_container_unpack(const hw_container *container, uint32_t tag,
+                                          uint32_t number, const uint8_t *stored,
+                                          size_t stored_size, uint8_t **data, size_t *size);

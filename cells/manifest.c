@@ -468,6 +468,16 @@ static hw_status write_seconds(const char *dataset, double seconds)
     return status;
 }
 
+// Of a whole dataset, not of a shard.
+static hw_status from_whole_json(const char *name, const cJSON *json, hw_manifest *out)
+{
+    HW_TRY(from_json(name, json, out));
+    if (out->shard_count == 0)
+        return HW_OK;
+    hw_manifest_free(out);
+    return hw_fail(HW_FORMAT, "%s: is the manifest of a shard", name);
+}
+
 hw_status hw_manifest_read(const char *dataset, hw_manifest *out)
 {
     hw_status status = HW_OK;
@@ -483,18 +493,60 @@ hw_status hw_manifest_read(const char *dataset, hw_manifest *out)
         goto out;
     }
     HW_GO(hw_json_read(path, &json));
-    HW_GO(from_json(path, json, out));
-    if (out->shard_count > 0) {
-        hw_manifest_free(out);
-        status = hw_fail(HW_FORMAT, "%s: is the manifest of a shard", path);
-        goto out;
-    }
+    HW_GO(from_whole_json(path, json, out));
     status = read_seconds(dataset, &out->build_seconds);
     if (status != HW_OK)
         hw_manifest_free(out);
 out:
     cJSON_Delete(json);
     hw_free(path);
+    return status;
+}
+
+// A JSON file by way of a source; its full name goes to *path.
+static hw_status fetch_json(hw_source *source, const char *name, char **path, cJSON **out)
+{
+    hw_block block = {0};
+    HW_TRY(hw_path_join(path, hw_source_location(source), name));
+    HW_TRY(hw_source_read(source, name, 0, 0, &block));
+    hw_status status = hw_json_parse(*path, (const char *)block.data, block.size, out);
+    hw_free(block.data);
+    return status;
+}
+
+hw_status hw_manifest_fetch(hw_source *source, hw_manifest *out)
+{
+    hw_status status = HW_OK;
+    char *path = NULL, *seconds_path = NULL;
+    cJSON *json = NULL, *seconds = NULL;
+    *out = (hw_manifest){0};
+    HW_GO(fetch_json(source, "manifest.json", &path, &json));
+    HW_GO(from_whole_json(path, json, out));
+    status = fetch_json(source, "build.json", &seconds_path, &seconds);
+    if (status == HW_OK)
+        status = hw_json_number(seconds_path, seconds, "seconds", &out->build_seconds);
+    if (status == HW_NOT_FOUND) // it may be missing
+        status = HW_OK;
+    if (status != HW_OK)
+        hw_manifest_free(out);
+out:
+    cJSON_Delete(json);
+    cJSON_Delete(seconds);
+    hw_free(path);
+    hw_free(seconds_path);
+    return status;
+}
+
+hw_status hw_manifest_open(const char *location, hw_manifest *out)
+{
+    const hw_source_desc desc = {.location = location};
+    hw_source *source = NULL;
+    *out = (hw_manifest){0};
+    if (!hw_location_is_url(location))
+        return hw_manifest_read(location, out);
+    HW_TRY(hw_source_open(&source, &desc));
+    hw_status status = hw_manifest_fetch(source, out);
+    hw_source_close(source);
     return status;
 }
 

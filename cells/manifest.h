@@ -3,6 +3,7 @@
 #pragma once
 #include "hexgrid.h"
 #include "scene.h"
+#include "source.h"
 #include "status.h"
 
 #define HW_MANIFEST_VERSION 2
@@ -46,6 +47,9 @@ HW_MUST_USE hw_status hw_manifest_read_file(const char *path, hw_manifest *out);
 // Reads and validates "<dataset>/manifest.json": version, counts, indices, finite numbers.
 // HW_NOT_FOUND tells that the folder is no (finished) dataset; HW_VERSION names both versions.
 HW_MUST_USE hw_status hw_manifest_read(const char *dataset, hw_manifest *out);
+// The same by way of a source, and of a dataset given as a folder or as the URL of one.
+HW_MUST_USE hw_status hw_manifest_fetch(hw_source *source, hw_manifest *out);
+HW_MUST_USE hw_status hw_manifest_open(const char *location, hw_manifest *out);
 // Parses text (for the fuzzer).
 HW_MUST_USE hw_status hw_manifest_parse(const char *name, const char *text, size_t size,
                                         hw_manifest *out);

@@ -67,20 +67,44 @@ static hw_status read_table(hw_mesh_file *f)
     return status == HW_NOT_FOUND ? HW_FORMAT : status;
 }
 
-hw_status hw_mesh_file_open(hw_mesh_file **out, const char *path)
+// Takes the container, also on failure.
+static hw_status open_container(hw_mesh_file **out, const char *name, hw_container *container)
 {
     hw_status status = HW_OK;
     hw_mesh_file *f = NULL;
     *out = NULL;
-    HW_TRY(HW_NEW(&f, 1));
-    HW_GO(hw_strdup(&f->path, path));
-    HW_GO(hw_container_open(&f->container, path, HW_MESH_MAGIC));
+    status = HW_NEW(&f, 1);
+    if (status != HW_OK) {
+        hw_container_close(container);
+        return status;
+    }
+    f->container = container;
+    HW_GO(hw_strdup(&f->path, name));
     HW_GO(read_table(f));
     *out = f;
     return HW_OK;
 out:
     hw_mesh_file_close(f);
     return status;
+}
+
+hw_status hw_mesh_file_open(hw_mesh_file **out, const char *path)
+{
+    hw_container *container = NULL;
+    *out = NULL;
+    HW_TRY(hw_container_open(&container, path, HW_MESH_MAGIC));
+    return open_container(out, path, container);
+}
+
+hw_status hw_mesh_file_open_front(hw_mesh_file **out, const char *name, const void *bytes,
+                                  size_t size, uint64_t file_bytes)
+{
+    hw_container *container = NULL;
+    *out = NULL;
+    HW_TRY(hw_container_open_front(&container, name, bytes, size, file_bytes, HW_MESH_MAGIC));
+    HW_TRY(open_container(out, name, container));
+    hw_container_release(container);
+    return HW_OK;
 }
 
 void hw_mesh_file_close(hw_mesh_file *file)
@@ -117,6 +141,28 @@ hw_status hw_mesh_file_read(const hw_mesh_file *file, uint32_t level, hw_mesh *o
     HW_TRY(hw_container_chunk(file->container, TAG_LEVEL, level, &bytes, &size));
     hw_status status = hw_mesh_level_decode(file->path, &file->levels[level], bytes, size, out);
     hw_free(bytes);
+    return status;
+}
+
+void hw_mesh_file_level_place(const hw_mesh_file *file, uint32_t level, uint64_t *offset,
+                              uint64_t *size)
+{
+    assert(level < file->level_count);
+    hw_status status = hw_container_chunk_place(file->container, TAG_LEVEL, level, offset, size);
+    assert(status == HW_OK); // read_table has made sure of the chunk
+    (void)status;
+}
+
+hw_status hw_mesh_file_decode(const hw_mesh_file *file, uint32_t level, const void *bytes,
+                              size_t size, hw_mesh *out)
+{
+    assert(level < file->level_count);
+    uint8_t *raw = NULL;
+    size_t raw_size = 0;
+    *out = (hw_mesh){0};
+    HW_TRY(hw_container_unpack(file->container, TAG_LEVEL, level, bytes, size, &raw, &raw_size));
+    hw_status status = hw_mesh_level_decode(file->path, &file->levels[level], raw, raw_size, out);
+    hw_free(raw);
     return status;
 }
 

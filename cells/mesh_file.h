@@ -27,11 +27,22 @@ HW_MUST_USE hw_status hw_mesh_file_write(const char *path, uint64_t key, const h
                                          const hw_mesh_level_info *infos, uint32_t count);
 // Opens and checks the header and the level table.
 HW_MUST_USE hw_status hw_mesh_file_open(hw_mesh_file **out, const char *path);
+// The same from the first HW_MESH_FRONT_BYTES of a file (all of it where it is shorter), which hold
+// header and level table. Keeps no pointer to them; levels are then had with hw_mesh_file_decode.
+#define HW_MESH_FRONT_BYTES 4096u
+HW_MUST_USE hw_status hw_mesh_file_open_front(hw_mesh_file **out, const char *name,
+                                              const void *bytes, size_t size, uint64_t file_bytes);
 void hw_mesh_file_close(hw_mesh_file *file);
 uint64_t hw_mesh_file_key(const hw_mesh_file *file);
 uint32_t hw_mesh_file_level_count(const hw_mesh_file *file);
 const hw_mesh_level_info *hw_mesh_file_level(const hw_mesh_file *file, uint32_t level);
 // Reads one level (positions, normals, colours and uvs if there), validated. Thread-safe.
 HW_MUST_USE hw_status hw_mesh_file_read(const hw_mesh_file *file, uint32_t level, hw_mesh *out);
+// Where a level lies in the file; and the level from its `size` bytes there, fetched by the caller.
+// Thread-safe.
+void hw_mesh_file_level_place(const hw_mesh_file *file, uint32_t level, uint64_t *offset,
+                              uint64_t *size);
+HW_MUST_USE hw_status hw_mesh_file_decode(const hw_mesh_file *file, uint32_t level,
+                                          const void *bytes, size_t size, hw_mesh *out);
 // "meshes/<index>.hxm" below the dataset folder.
 HW_MUST_USE hw_status hw_mesh_path(char **out, const char *dataset, uint32_t mesh_idx);

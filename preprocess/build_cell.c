@@ -58,18 +58,10 @@ static double transform_scale(const hw_mat4 *m)
     return most;
 }
 
-// Whether the cell of a higher level stands for an object, for all the cells that it groups. Told
-// from the object's box alone, so that every cell comes to the same answer without deriving
-// anything; an object that passes can be derived from the cell: it lies two cell sides away at
-// least, its self-occluding error stays below the limit however it is shaped, and its capture is
-// not too large.
-static bool group_serves(const hw_cell_inputs *in, const hw_cell_view *view, hw_box box)
+// The self-occluding error of whatever is inside the box, at most, for a cell of this side.
+static double occlusion_bound(const hw_cell_view *view, double side, hw_box box)
 {
-    const double image = HW_REFERENCE_IMAGE_PX;
-    double nearest = hw_region_distance_to(view->grid, view->id, box).nearest;
-    if (nearest < GROUP_DISTANCE * view->size)
-        return false;
-    double least = INFINITY, most = 0, angle = 0;
+    double most = 0;
     for (uint32_t i = 0; i < 8; i++) {
         hw_vec3 rel = hw_v3_sub(hw_box_corner(box, i), view->centre);
         most = fmax(most, hypot((double)rel.x, (double)rel.y));
@@ -80,10 +72,25 @@ static bool group_serves(const hw_cell_inputs *in, const hw_cell_view *view, hw_
     double y = fmax(fmax((double)box.min.y - (double)view->centre.y,
                          (double)view->centre.y - (double)box.max.y),
                     0);
-    least = hypot(x, y);
-    angle = (double)hw_box_diagonal(box) / nearest;
-    return hw_self_occluding_error(view->size, least, most - least, image) <
-               in->far.self_occlusion_px &&
+    double least = hypot(x, y);
+    return hw_self_occluding_error(side, least, most - least, HW_REFERENCE_IMAGE_PX);
+}
+
+// Whether the cell of a higher level stands for an object, for all the cells that it groups. Told
+// from the object's box alone, so that every cell comes to the same answer without deriving
+// anything; an object that passes can be derived from the cell: it lies two cell sides away at
+// least, its self-occluding error stays below the limit however it is shaped, and its capture is
+// not too large. What would be a mesh from the group but is flat from its cells stays with them: an
+// impostor costs them less.
+static bool group_serves(const hw_cell_inputs *in, const hw_cell_view *view, hw_box box)
+{
+    double nearest = hw_region_distance_to(view->grid, view->id, box).nearest;
+    if (nearest < GROUP_DISTANCE * view->size)
+        return false;
+    double angle = (double)hw_box_diagonal(box) / nearest;
+    double error = occlusion_bound(view, view->size, box), flat = in->far.impostor_px;
+    bool stays = error >= flat && occlusion_bound(view, in->grid->cell_size, box) < flat;
+    return !stays && error < in->far.self_occlusion_px &&
            GROUP_WINDOW * angle * view->focal_px < in->far.capture_side_max;
 }
 
@@ -143,16 +150,19 @@ static int by_azimuth(const void *x, const void *y)
     return a->svmesh.record.object_idx < b->svmesh.record.object_idx ? -1 : 1;
 }
 
-static void copy_capture(hw_image *atlas, const hw_rect *place, const hw_capture *capture)
+// Coverage is kept of cut-out records only: what is the same everywhere costs nothing.
+static void copy_capture(hw_image *atlas, const hw_rect *place, const hw_svmesh *svmesh)
 {
+    const hw_capture *capture = &svmesh->capture;
     for (uint32_t y = 0; y < capture->height; y++) {
         const hw_color8 *from = capture->colors + (size_t)y * capture->width;
+        const uint8_t *coverage = capture->coverage + (size_t)y * capture->width;
         uint8_t *to = atlas->data + ((size_t)(place->y + y) * atlas->width + place->x) * 4;
         for (uint32_t x = 0; x < capture->width; x++, to += 4) {
             to[0] = from[x].r;
             to[1] = from[x].g;
             to[2] = from[x].b;
-            to[3] = 255;
+            to[3] = svmesh->record.cut_out ? coverage[x] : 255;
         }
     }
 }
@@ -172,13 +182,15 @@ static hw_status pack_atlas(assembly *a, hw_cell *out)
                         &out->atlas_height));
     HW_GO(hw_image_make(&atlas, out->atlas_width, out->atlas_height, 4));
     for (uint32_t i = 0; i < a->far_count; i++) {
-        copy_capture(&atlas, &places[i], &a->far[i].svmesh.capture);
+        copy_capture(&atlas, &places[i], &a->far[i].svmesh);
         hw_rect *rect = &a->far[i].svmesh.record.rect;
         rect->x = places[i].x + HW_CAPTURE_PADDING;
         rect->y = places[i].y + HW_CAPTURE_PADDING;
     }
     HW_GO(HW_NEW(&out->atlas_bc1, hw_bc1_bytes(out->atlas_width, out->atlas_height)));
+    HW_GO(HW_NEW(&out->coverage_bc4, hw_bc1_bytes(out->atlas_width, out->atlas_height)));
     hw_bc1_encode(&atlas, out->atlas_bc1);
+    hw_bc4_encode(&atlas, 3, out->coverage_bc4);
 out:
     hw_image_free(&atlas);
     hw_free(places);

@@ -180,6 +180,7 @@ static void resolve_texel(row_job *job, uint32_t i, uint32_t j, hw_capture *out)
     }
     size_t texel = (size_t)j * out->width + i;
     out->depths[texel] = depth;
+    out->coverage[texel] = (uint8_t)((covered * 255 + per_texel / 2) / per_texel);
     if (covered == 0)
         return;
     float n = (float)covered;
@@ -267,6 +268,7 @@ hw_status hw_capture_object(const hw_capturer *capturer, uint32_t object_idx,
     out->width = window->width;
     out->height = window->height;
     HW_GO(HW_NEW(&out->colors, (size_t)out->width * out->height));
+    HW_GO(HW_NEW(&out->coverage, (size_t)out->width * out->height));
     HW_GO(HW_NEW(&out->depths, (size_t)out->width * out->height));
     HW_GO(hw_rays_pin(capturer->rays, object_idx));
     pinned = true;
@@ -408,6 +410,7 @@ void hw_capture_free(hw_capture *capture)
     if (!capture)
         return;
     hw_free(capture->colors);
+    hw_free(capture->coverage);
     hw_free(capture->depths);
     *capture = (hw_capture){0};
 }

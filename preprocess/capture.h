@@ -18,6 +18,7 @@ typedef struct hw_capture_window {
 typedef struct hw_capture {
     uint32_t width, height;
     hw_color8 *colors; // a = 255 where any sample met the object, 0 elsewhere
+    uint8_t *coverage; // share of the samples that met the object, rounded: 255 = all
     float *depths; // along the face's axis (not along the ray), world units; INFINITY where a = 0
 } hw_capture;
 

@@ -110,6 +110,8 @@ static hw_status measure_item(clustering *k, uint32_t i)
     for (int f = 0; f < FACES; f++)
         c->areas[f] = area_on(k, i, f, nearest);
     choose_face(c);
+    for (int f = 0; f < FACES && s->record.cut_out; f++)
+        c->areas[f].valid = false; // a flat picture joins nothing
     // What is saved is judged against what is there.
     c->texels = (double)s->capture.width * s->capture.height;
     return HW_OK;
@@ -285,7 +287,7 @@ static hw_status merge_all(const clustering *k, const cluster *c, hw_svmesh_job 
     for (uint32_t i = c->first; i != UINT32_MAX; i = k->next[i])
         HW_TRY(merge_member(k, job, i, m));
     HW_TRY(hw_view_mesh_compact(&m->mesh));
-    return hw_svmesh_finish(job, &m->mesh, fits, out);
+    return hw_svmesh_finish(job, &m->mesh, false, fits, out);
 }
 
 // Puts the union in the place of the first member; if its capture comes out too large after all,

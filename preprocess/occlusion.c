@@ -9,7 +9,7 @@
 
 #define WIDE       3.0 // margins round an object within which a ray is close
 #define SEEDS      8u  // rays to an object that are followed up, the last found
-#define FOLLOW_UPS 8u  // packets after one that came close, for each eye
+#define FOLLOW_UPS 4u  // packets after one that came close, for each eye
 #define STEP_MAX   0.2 // of a ray's ends when it is followed up, in cell sizes
 #define OCTAVES    8.0 // by which the least step is smaller
 
@@ -24,7 +24,7 @@ struct hw_occlusion {
 
 hw_occlusion_options hw_occlusion_defaults(void)
 {
-    return (hw_occlusion_options){.eyes = 128, .face_eyes = 96, .margin = 0.1};
+    return (hw_occlusion_options){.eyes = 256, .face_eyes = 96, .margin = 0.1};
 }
 
 hw_status hw_occlusion_create(hw_occlusion **out, const hw_scene *scene, const hw_rays *rays,

@@ -1,15 +1,17 @@
 #include "svmesh.h"
 #include "alloc.h"
+#include "impostor.h"
 #include <math.h>
 #include <meshoptimizer.h>
 #include <string.h>
 
 // Colours spread this far beyond an object's outline, so that filtering and simplified outlines
 // never meet the background.
-#define DILATION_TEXELS 6u
-#define EXTENT_FACES    1000u
-#define QUANTUM_PX      (1.0 / 32) // coarser steps show on silhouettes
-#define OCCLUSION_PX    8.0        // between points of a face that are looked for
+#define DILATION_TEXELS  6u
+#define EXTENT_FACES     1000u
+#define IMPOSTOR_SAMPLES 4u         // rays per texel and axis: outlines are as good as the coverage
+#define QUANTUM_PX       (1.0 / 32) // coarser steps show on silhouettes
+#define OCCLUSION_PX     8.0        // between points of a face that are looked for
 
 static const hw_svmesh_policy *const policies[] = {&hw_policy_screen, &hw_policy_thesis, NULL};
 
@@ -325,10 +327,10 @@ out:
     return status;
 }
 
-static hw_status capture(const hw_svmesh_job *job, const hw_capture_window *window,
+static hw_status capture(const hw_svmesh_job *job, const hw_capture_window *window, bool cut_out,
                          hw_capture *out)
 {
-    uint32_t samples = job->options->capture_samples;
+    uint32_t samples = cut_out ? IMPOSTOR_SAMPLES : job->options->capture_samples;
     if (job->members)
         HW_TRY(hw_capture_objects(job->capturer, job->members, job->member_count, window, samples,
                                   out));
@@ -338,8 +340,8 @@ static hw_status capture(const hw_svmesh_job *job, const hw_capture_window *wind
     return HW_OK;
 }
 
-hw_status hw_svmesh_finish(const hw_svmesh_job *job, const hw_view_mesh *mesh, bool *fits,
-                           hw_svmesh *out)
+hw_status hw_svmesh_finish(const hw_svmesh_job *job, const hw_view_mesh *mesh, bool cut_out,
+                           bool *fits, hw_svmesh *out)
 {
     hw_status status = HW_OK;
     hw_capture_window window;
@@ -354,7 +356,8 @@ hw_status hw_svmesh_finish(const hw_svmesh_job *job, const hw_view_mesh *mesh, b
     if (out->record.index_count == 0)
         goto out;
     out->record.bounds = record_bounds(out, job->view->centre);
-    HW_GO(capture(job, &window, &out->capture));
+    out->record.cut_out = cut_out;
+    HW_GO(capture(job, &window, cut_out, &out->capture));
 out:
     if (status != HW_OK || out->record.index_count == 0)
         hw_svmesh_free(out);
@@ -367,15 +370,17 @@ hw_status hw_svmesh_derive(const hw_svmesh_job *job, bool *is_near, hw_svmesh *o
     hw_view_mesh mesh = {0};
     bool fits = true;
     memset(out, 0, sizeof *out);
-    *is_near = job->distance.nearest <= 0 || !in_front(job) ||
-               self_occlusion(job) >= job->options->self_occlusion_px;
+    *is_near = job->distance.nearest <= 0 || !in_front(job);
+    double error = *is_near ? (double)INFINITY : self_occlusion(job);
+    *is_near = *is_near || error >= job->options->self_occlusion_px;
     if (*is_near)
         return HW_OK;
-    HW_GO(job->options->policy->simplify(job, &mesh));
+    bool flat = error < job->options->impostor_px;
+    HW_GO(flat ? hw_impostor_make(job, &mesh) : job->options->policy->simplify(job, &mesh));
     if (job->occlusion && mesh.index_count > 0)
         HW_GO(drop_hidden(job, &mesh));
     if (mesh.index_count > 0)
-        HW_GO(hw_svmesh_finish(job, &mesh, &fits, out));
+        HW_GO(hw_svmesh_finish(job, &mesh, flat, &fits, out));
     *is_near = !fits;
 out:
     hw_view_mesh_free(&mesh);

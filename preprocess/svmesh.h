@@ -25,6 +25,7 @@ typedef struct hw_far_options {
     double edge_length_px;     // T_l of the thesis policy
     double outline_px;         // outline deviation of the chain level at the effective distance
     double interior_px;        // tolerance for patches that face the whole cell (screen policy)
+    double impostor_px;        // objects with a smaller self-occluding error are impostors
     uint32_t capture_side_max; // larger captures make an object near
     uint32_t capture_samples;  // rays per texel and axis
 } hw_far_options;
@@ -93,10 +94,10 @@ const hw_svmesh_policy *hw_policy_find(const char *name);
 HW_MUST_USE hw_status hw_svmesh_derive(const hw_svmesh_job *job, bool *is_near, hw_svmesh *out);
 
 // The rest of a derivation: window, quantised vertices, record and capture of a mesh in image space.
-// *fits tells whether the capture is not too large; *out is left empty if it is, or if nothing is
+// `cut_out` as in hw_far_record. *fits tells whether the capture is not too large; *out is left empty if it is, or if nothing is
 // left of the mesh.
 HW_MUST_USE hw_status hw_svmesh_finish(const hw_svmesh_job *job, const hw_view_mesh *mesh,
-                                       bool *fits, hw_svmesh *out);
+                                       bool cut_out, bool *fits, hw_svmesh *out);
 
 // ---- for policies ----------------------------------------------------------------------------
 

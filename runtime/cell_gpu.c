@@ -1,6 +1,6 @@
 #include "cell_gpu.h"
 #include "alloc.h"
-#include "file.h"
+#include "block.h"
 #include <math.h>
 #include <string.h>
 
@@ -24,24 +24,30 @@ static hw_status check_cell(const hw_cell *cell, const hw_manifest *manifest, hw
     return HW_OK;
 }
 
-// Sector by sector, in each front to back as seen from the cell centre: order[i].index becomes the
-// record to draw as the i-th.
+static int find_bin(const hw_cell *cell, const hw_far_record *record)
+{
+    hw_vec3 d = hw_v3_sub(hw_box_centre(record->bounds), cell->centre);
+    int sector = (int)((atan2(d.y, d.x) / (2 * HW_PI) + 0.5) * SECTORS) % SECTORS;
+    return sector + (record->cut_out ? SECTORS : 0);
+}
+
+// Opaque records, then cut-out ones; of each, sector by sector, front to back as seen from the cell
+// centre: order[i].index becomes the record to draw as the i-th.
 static void order_records(const hw_cell *cell, hw_cull_item *order, hw_cull_item *scratch)
 {
     for (uint32_t i = 0; i < cell->far_count; i++)
         order[i] = (hw_cull_item){hw_box_distance(cell->far[i].bounds, cell->centre), i};
     hw_cull_sort(order, cell->far_count, scratch);
-    uint32_t starts[SECTORS + 1] = {0};
+    uint32_t starts[2 * SECTORS + 1] = {0};
     for (int pass = 0; pass < 2; pass++) {
         for (uint32_t i = 0; i < cell->far_count; i++) {
-            hw_vec3 d = hw_v3_sub(hw_box_centre(cell->far[order[i].index].bounds), cell->centre);
-            int sector = (int)((atan2(d.y, d.x) / (2 * HW_PI) + 0.5) * SECTORS) % SECTORS;
+            int bin = find_bin(cell, &cell->far[order[i].index]);
             if (pass == 0)
-                starts[sector + 1]++;
+                starts[bin + 1]++;
             else
-                scratch[starts[sector]++] = order[i];
+                scratch[starts[bin]++] = order[i];
         }
-        for (int s = 0; pass == 0 && s < SECTORS; s++)
+        for (int s = 0; pass == 0 && s < 2 * SECTORS; s++)
             starts[s + 1] += starts[s];
     }
     memcpy(order, scratch, cell->far_count * sizeof *order);
@@ -58,55 +64,39 @@ static hw_far_draw make_draw(const hw_cell *cell, const hw_far_record *record, u
                          .index_count = record->index_count};
 }
 
-// Fills the drawing list, and rewrites the cell's own arrays: each vertex's record becomes its
-// place in the drawing order, and `indices` (index_count of them) gets the indices in that order.
-static hw_status arrange(hw_cell *cell, uint32_t *indices, hw_cell_gpu *out)
+// Fills the drawing list; vertices get their record's place in the drawing order, indices come in
+// that order.
+static hw_status arrange(const hw_cell *cell, hw_cell_data *out)
 {
     hw_status status = HW_OK;
     hw_cull_item *order = NULL, *scratch = NULL;
+    hw_cell_records *records = &out->records;
     HW_GO(HW_NEW(&order, cell->far_count));
     HW_GO(HW_NEW(&scratch, cell->far_count));
-    HW_GO(HW_NEW(&out->far, cell->far_count));
-    HW_GO(hw_cull_set_create(&out->far_bounds, cell->far_count));
+    HW_GO(HW_NEW(&out->indices, cell->index_count));
+    HW_GO(HW_NEW(&records->far, cell->far_count));
+    HW_GO(hw_cull_set_create(&records->far_bounds, cell->far_count));
     order_records(cell, order, scratch);
     uint32_t first = 0;
     for (uint32_t i = 0; i < cell->far_count; i++) {
         const hw_far_record *record = &cell->far[order[i].index];
-        out->far[i] = make_draw(cell, record, first);
-        hw_cull_set_put(&out->far_bounds, i, record->bounds);
+        records->far[i] = make_draw(cell, record, first);
+        records->opaque_count += !record->cut_out;
+        hw_cull_set_put(&records->far_bounds, i, record->bounds);
         for (uint32_t k = 0; k < record->vertex_count; k++)
-            cell->vertices[record->first_vertex + k].record = (uint16_t)i;
-        memcpy(indices + first, cell->indices + record->first_index,
-               record->index_count * sizeof *indices);
+            out->vertices[record->first_vertex + k].record = (uint16_t)i;
+        memcpy(out->indices + first, cell->indices + record->first_index,
+               record->index_count * sizeof *out->indices);
         first += record->index_count;
     }
-    out->far_count = cell->far_count;
+    records->far_count = cell->far_count;
 out:
     hw_free(order);
     hw_free(scratch);
     return status;
 }
 
-static hw_status upload(hw_gpu_account *account, const hw_cell *cell, const uint32_t *indices,
-                        hw_cell_gpu *out)
-{
-    glGenVertexArrays(1, &out->array);
-    glBindVertexArray(out->array);
-    HW_TRY(hw_gpu_buffer_create(account, GL_ARRAY_BUFFER, cell->vertices,
-                                (uint64_t)cell->vertex_count * sizeof *cell->vertices,
-                                GL_STATIC_DRAW, &out->vertices));
-    glEnableVertexAttribArray(0);
-    glVertexAttribPointer(0, 4, GL_UNSIGNED_SHORT, GL_FALSE, 0, hw_gpu_offset(0));
-    HW_TRY(hw_gpu_buffer_create(account, GL_ELEMENT_ARRAY_BUFFER, indices,
-                                (uint64_t)cell->index_count * sizeof *indices, GL_STATIC_DRAW,
-                                &out->indices));
-    glBindVertexArray(0);
-    HW_TRY(hw_gpu_texture_create_bc1(account, cell->atlas_bc1, cell->atlas_width,
-                                     cell->atlas_height, &out->atlas));
-    return HW_OK;
-}
-
-static hw_status take_near(hw_cell *cell, const hw_manifest *manifest, hw_cell_gpu *out)
+static hw_status take_near(hw_cell *cell, const hw_manifest *manifest, hw_cell_records *out)
 {
     HW_TRY(hw_cull_set_create(&out->near_bounds, cell->near_count));
     out->near = cell->near;
@@ -118,56 +108,139 @@ static hw_status take_near(hw_cell *cell, const hw_manifest *manifest, hw_cell_g
     return HW_OK;
 }
 
-hw_status hw_cell_gpu_load(hw_gpu_account *account, const char *dataset,
-                           const hw_manifest *manifest, hw_cell_id id, hw_cell_gpu *out)
+static hw_status take_bulk(hw_cell *cell, hw_cell_data *out)
+{
+    size_t bytes = hw_bc3_bytes(cell->atlas_width, cell->atlas_height);
+    HW_TRY(hw_alloc((void **)&out->atlas, bytes, 1));
+    hw_bc3_join(cell->atlas_bc1, cell->coverage_bc4, bytes, out->atlas);
+    out->atlas_width = cell->atlas_width;
+    out->atlas_height = cell->atlas_height;
+    out->vertex_count = cell->vertex_count;
+    out->index_count = cell->index_count;
+    out->vertices = cell->vertices;
+    cell->vertices = NULL;
+    return HW_OK;
+}
+
+hw_status hw_cell_data_make(const hw_manifest *manifest, hw_cell_id id, const char *name,
+                            const void *bytes, size_t size, hw_cell_data *out)
 {
     hw_status status = HW_OK;
     hw_cell cell = {0};
-    uint32_t *indices = NULL;
-    char *path = NULL;
-    uint64_t before = account->bytes;
-    *out = (hw_cell_gpu){.id = id};
-    HW_GO(hw_cell_path(&path, dataset, id));
-    HW_GO(hw_cell_read(path, &cell));
-    HW_GO(check_cell(&cell, manifest, id, path));
-    HW_GO(take_near(&cell, manifest, out));
+    *out = (hw_cell_data){.id = id};
+    HW_GO(hw_cell_decode(name, bytes, size, &cell));
+    HW_GO(check_cell(&cell, manifest, id, name));
+    HW_GO(take_near(&cell, manifest, &out->records));
     if (cell.far_count > 0) {
-        HW_GO(HW_NEW(&indices, cell.index_count));
-        HW_GO(arrange(&cell, indices, out));
-        HW_GO(upload(account, &cell, indices, out));
+        HW_GO(take_bulk(&cell, out));
+        HW_GO(arrange(&cell, out));
     }
-    out->gpu_bytes = account->bytes - before;
-    out->file_bytes = hw_dataset_file_bytes(path);
-    out->loaded = true;
 out:
-    hw_free(path);
-    hw_free(indices);
     hw_cell_free(&cell);
     if (status != HW_OK)
-        hw_cell_gpu_free(account, out);
+        hw_cell_data_free(out);
     return status;
+}
+
+void hw_cell_data_free_bulk(hw_cell_data *data)
+{
+    hw_free(data->vertices);
+    hw_free(data->indices);
+    hw_free(data->atlas);
+    data->vertices = NULL;
+    data->indices = NULL;
+    data->atlas = NULL;
+}
+
+void hw_cell_data_free(hw_cell_data *data)
+{
+    hw_cell_data_free_bulk(data);
+    hw_free(data->records.near);
+    hw_free(data->records.far);
+    hw_cull_set_free(&data->records.near_bounds);
+    hw_cull_set_free(&data->records.far_bounds);
+    *data = (hw_cell_data){0};
+}
+
+static uint64_t vertex_bytes(const hw_cell_data *data)
+{
+    return (uint64_t)data->vertex_count * sizeof *data->vertices;
+}
+
+static uint64_t index_bytes(const hw_cell_data *data)
+{
+    return (uint64_t)data->index_count * sizeof *data->indices;
+}
+
+static uint64_t atlas_bytes(const hw_cell_data *data, bool blocks)
+{
+    return data->atlas_width > 0 ? hw_gpu_atlas_bytes(data->atlas_width, data->atlas_height, blocks)
+                                 : 0;
+}
+
+uint64_t hw_cell_data_bytes(const hw_cell_data *data)
+{
+    return vertex_bytes(data) + index_bytes(data) + atlas_bytes(data, true) +
+           data->records.near_count * (sizeof *data->records.near + 6 * sizeof(float)) +
+           data->records.far_count * (sizeof *data->records.far + 6 * sizeof(float));
+}
+
+uint64_t hw_cell_data_gpu_bytes(const hw_cell_data *data, bool blocks)
+{
+    return vertex_bytes(data) + index_bytes(data) + atlas_bytes(data, blocks);
+}
+
+static hw_status create_objects(hw_gpu_account *account, const hw_cell_data *data, hw_cell_gpu *out)
+{
+    glGenVertexArrays(1, &out->array);
+    glBindVertexArray(out->array);
+    HW_TRY(hw_gpu_buffer_create(account, GL_ARRAY_BUFFER, NULL, vertex_bytes(data), GL_STATIC_DRAW,
+                                &out->vertices));
+    glEnableVertexAttribArray(0);
+    glVertexAttribPointer(0, 4, GL_UNSIGNED_SHORT, GL_FALSE, 0, hw_gpu_offset(0));
+    HW_TRY(hw_gpu_buffer_create(account, GL_ELEMENT_ARRAY_BUFFER, NULL, index_bytes(data),
+                                GL_STATIC_DRAW, &out->indices));
+    return hw_gpu_atlas_create(account, data->atlas_width, data->atlas_height, &out->atlas);
+}
+
+hw_status hw_cell_gpu_create(hw_gpu_account *account, const hw_cell_data *data, hw_cell_gpu *out,
+                             hw_upload *upload)
+{
+    uint64_t before = account->bytes;
+    *out = (hw_cell_gpu){.id = data->id, .records = &data->records};
+    *upload = (hw_upload){0};
+    if (data->records.far_count == 0)
+        return HW_OK;
+    hw_status status = create_objects(account, data, out);
+    glBindVertexArray(0);
+    if (status != HW_OK) {
+        hw_cell_gpu_free(account, out);
+        return status;
+    }
+    out->gpu_bytes = account->bytes - before;
+    hw_upload_add(upload, (hw_upload_part){.buffer = out->vertices.name,
+                                           .data = (const uint8_t *)data->vertices,
+                                           .bytes = vertex_bytes(data)});
+    hw_upload_add(upload, (hw_upload_part){.buffer = out->indices.name,
+                                           .data = (const uint8_t *)data->indices,
+                                           .bytes = index_bytes(data)});
+    hw_upload_add(upload,
+                  (hw_upload_part){.texture = out->atlas.name,
+                                   .data = data->atlas,
+                                   .bytes = out->atlas.bytes,
+                                   .width = data->atlas_width,
+                                   .height = data->atlas_height,
+                                   .format = hw_gpu_takes_blocks() ? HW_UPLOAD_BLOCKS
+                                                                   : HW_UPLOAD_DECODED_BLOCKS});
+    return HW_OK;
 }
 
 void hw_cell_gpu_free(hw_gpu_account *account, hw_cell_gpu *cell)
 {
-    hw_free(cell->near);
-    hw_free(cell->far);
-    hw_cull_set_free(&cell->near_bounds);
-    hw_cull_set_free(&cell->far_bounds);
     hw_gpu_buffer_destroy(account, &cell->vertices);
     hw_gpu_buffer_destroy(account, &cell->indices);
     hw_gpu_texture_destroy(account, &cell->atlas);
     if (cell->array)
         glDeleteVertexArrays(1, &cell->array);
     *cell = (hw_cell_gpu){0};
-}
-
-uint64_t hw_dataset_file_bytes(const char *path)
-{
-    hw_reader *reader = NULL;
-    if (hw_reader_open(&reader, path) != HW_OK)
-        return 0;
-    uint64_t bytes = hw_reader_size(reader);
-    hw_reader_close(reader);
-    return bytes;
 }

@@ -1,10 +1,11 @@
-// One loaded cell: its far objects' vertices, indices and atlas on the GPU, and what a frame needs
-// of its records on the CPU. GL thread only.
+// A cell in memory and on the GPU: its far objects' vertices, indices and atlas, and what a frame
+// needs of its records.
 #pragma once
 #include "cell_file.h"
 #include "cull.h"
 #include "gpu.h"
 #include "manifest.h"
+#include "upload.h"
 
 // Far records whose matrices fit into one uniform block (GL promises 16 KiB).
 #define HW_FAR_PAGE_RECORDS 192u
@@ -16,26 +17,51 @@ typedef struct hw_far_draw {
     uint32_t first_index, index_count;
 } hw_far_draw;
 
-typedef struct hw_cell_gpu {
-    hw_cell_id id;
-    bool loaded;
-    uint64_t used; // number of the last frame that drew it
-    uint64_t gpu_bytes, file_bytes;
+// What a frame needs of a cell's records on the CPU.
+typedef struct hw_cell_records {
     uint32_t near_count, far_count;
+    uint32_t opaque_count; // of the far ones; cut-out ones follow
     hw_near_record *near;
     hw_far_draw *far;
     hw_cull_set near_bounds, far_bounds; // in the order of near and far
+} hw_cell_records;
+
+// A cell as it comes from its file, arranged for drawing. Has nothing to do with GL.
+typedef struct hw_cell_data {
+    hw_cell_id id;
+    hw_cell_records records;
+    // On its way to the GPU:
+    uint32_t vertex_count, index_count, atlas_width, atlas_height;
+    hw_far_vertex *vertices; // the record of each is its place in the drawing order
+    uint32_t *indices;
+    uint8_t *atlas; // BC3
+} hw_cell_data;
+
+// From the bytes of the cell's file; `name` is for messages. Checks against the manifest. On
+// failure *out is zeroed. Any thread.
+HW_MUST_USE hw_status hw_cell_data_make(const hw_manifest *manifest, hw_cell_id id,
+                                        const char *name, const void *bytes, size_t size,
+                                        hw_cell_data *out);
+// Frees what was on its way to the GPU, and all.
+void hw_cell_data_free_bulk(hw_cell_data *data);
+void hw_cell_data_free(hw_cell_data *data);
+// Bytes of memory, and what becomes of them on a GPU that takes blocks or does not.
+uint64_t hw_cell_data_bytes(const hw_cell_data *data);
+uint64_t hw_cell_data_gpu_bytes(const hw_cell_data *data, bool blocks);
+
+typedef struct hw_cell_gpu {
+    hw_cell_id id;
+    uint64_t used;      // number of the last frame that drew it
+    uint64_t gpu_bytes; // 0: there are no far objects
+    const hw_cell_records *records;
     GLuint array;
     hw_gpu_buffer vertices, indices;
     hw_gpu_texture atlas;
 } hw_cell_gpu;
 
-// Reads and uploads the cell. Checks it against the manifest: HW_FORMAT names the file. On failure
-// *out is zeroed.
-HW_MUST_USE hw_status hw_cell_gpu_load(hw_gpu_account *account, const char *dataset,
-                                       const hw_manifest *manifest, hw_cell_id id,
-                                       hw_cell_gpu *out);
+// Makes the GL objects; *upload is to fill them. Borrows the data: its records until
+// hw_cell_gpu_free, the rest until the upload has gone through. On failure *out is zeroed. GL
+// thread only, as is the next.
+HW_MUST_USE hw_status hw_cell_gpu_create(hw_gpu_account *account, const hw_cell_data *data,
+                                         hw_cell_gpu *out, hw_upload *upload);
 void hw_cell_gpu_free(hw_gpu_account *account, hw_cell_gpu *cell);
-
-// Bytes of a file, 0 if it cannot be opened; for the figures of what was loaded.
-uint64_t hw_dataset_file_bytes(const char *path);

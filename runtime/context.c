@@ -71,6 +71,7 @@ void hw_context_present(hw_context *context, hw_input *input)
     for (int i = 0; i < HW_KEY_COUNT; i++)
         last->pressed[i] = false;
     last->mouse_dx = last->mouse_dy = 0;
+    last->ahead = last->right = last->up = last->turn = last->pitch = 0;
     context->backend->present(context->state, last);
     if (input)
         *input = *last;
@@ -79,6 +80,23 @@ void hw_context_present(hw_context *context, hw_input *input)
 void hw_context_set_title(hw_context *context, const char *title)
 {
     context->backend->set_title(context->state, title);
+}
+
+void hw_context_toggle_fullscreen(hw_context *context)
+{
+    if (context->backend->toggle_fullscreen)
+        context->backend->toggle_fullscreen(context->state);
+}
+
+const char *hw_context_clipboard(hw_context *context)
+{
+    return context->backend->clipboard ? context->backend->clipboard(context->state) : NULL;
+}
+
+void hw_context_set_clipboard(hw_context *context, const char *text)
+{
+    if (context->backend->set_clipboard)
+        context->backend->set_clipboard(context->state, text);
 }
 
 const char *hw_context_renderer(const hw_context *context)

@@ -1,15 +1,25 @@
 // Windows, through GLFW (the only file that includes it).
 #include "alloc.h"
 #include "context_internal.h"
+#include "keys.h"
 #include "system.h"
 #include <glad/gl.h>
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
+#include <assert.h>
 #include <stdio.h>
 #include <string.h>
 #include <time.h>
 
 #define SMALLEST_SIDE 160
+
+typedef struct key_binding {
+    int code; // GLFW's
+    bool control;
+    hw_key key;
+} key_binding;
+
+#define BINDINGS_MAX 96
 
 typedef struct glfw_window {
     GLFWwindow *window;
@@ -17,28 +27,12 @@ typedef struct glfw_window {
     bool has_cursor; // cursor_x and cursor_y are of the present capture
     double cursor_x, cursor_y;
     double refresh_ms, shown_ms;
+    int place[4];       // x, y, width, height before it filled the screen
+    hw_gamepad gamepad; // as last polled
+    uint32_t binding_count;
+    key_binding bindings[BINDINGS_MAX];
     hw_input events; // collected by the callbacks since the last poll
 } glfw_window;
-
-typedef struct key_binding {
-    int glfw_key;
-    hw_key key;
-} key_binding;
-
-static const key_binding bindings[] = {
-    {GLFW_KEY_W, HW_KEY_FORWARD},      {GLFW_KEY_UP, HW_KEY_FORWARD},
-    {GLFW_KEY_S, HW_KEY_BACK},         {GLFW_KEY_DOWN, HW_KEY_BACK},
-    {GLFW_KEY_A, HW_KEY_LEFT},         {GLFW_KEY_D, HW_KEY_RIGHT},
-    {GLFW_KEY_E, HW_KEY_UP},           {GLFW_KEY_Q, HW_KEY_DOWN},
-    {GLFW_KEY_LEFT_SHIFT, HW_KEY_RUN}, {GLFW_KEY_RIGHT_SHIFT, HW_KEY_RUN},
-    {GLFW_KEY_LEFT, HW_KEY_TURN_LEFT}, {GLFW_KEY_RIGHT, HW_KEY_TURN_RIGHT},
-    {GLFW_KEY_1, HW_KEY_CONFIG_A},     {GLFW_KEY_2, HW_KEY_CONFIG_B},
-    {GLFW_KEY_3, HW_KEY_CONFIG_L},     {GLFW_KEY_4, HW_KEY_CONFIG_C},
-    {GLFW_KEY_H, HW_KEY_HUD},          {GLFW_KEY_F12, HW_KEY_SCREENSHOT},
-    {GLFW_KEY_R, HW_KEY_RECORD},       {GLFW_KEY_SPACE, HW_KEY_TOUR},
-    {GLFW_KEY_F1, HW_KEY_HELP},
-};
-#define BINDING_COUNT (sizeof bindings / sizeof *bindings)
 
 // GLFW reports through a callback without a context argument, and has one instance per process.
 static char last_error[256];
@@ -46,6 +40,62 @@ static char last_error[256];
 static void on_error(int code, const char *text)
 {
     snprintf(last_error, sizeof last_error, "%s (0x%x)", text, (unsigned)code);
+}
+
+// ---- Keys by name
+
+// GLFW's codes of the keys that keys.h names so; the second is the same key on the other side.
+static const struct {
+    const char *name;
+    int codes[2];
+} named_keys[] = {
+    {"Up", {GLFW_KEY_UP}},
+    {"Down", {GLFW_KEY_DOWN}},
+    {"Left", {GLFW_KEY_LEFT}},
+    {"Right", {GLFW_KEY_RIGHT}},
+    {"Page Up", {GLFW_KEY_PAGE_UP}},
+    {"Page Down", {GLFW_KEY_PAGE_DOWN}},
+    {"Space", {GLFW_KEY_SPACE}},
+    {"Escape", {GLFW_KEY_ESCAPE}},
+    {"Comma", {GLFW_KEY_COMMA}},
+    {"Period", {GLFW_KEY_PERIOD}},
+    {"Shift", {GLFW_KEY_LEFT_SHIFT, GLFW_KEY_RIGHT_SHIFT}},
+};
+
+static void bind_code(glfw_window *w, int code, bool control, hw_key key)
+{
+    assert(code > 0 && w->binding_count < BINDINGS_MAX);
+    w->bindings[w->binding_count++] = (key_binding){code, control, key};
+}
+
+static void bind_name(glfw_window *w, const char *name, hw_key key)
+{
+    bool control = strncmp(name, "Ctrl+", 5) == 0;
+    name += control ? 5 : 0;
+    if (!name[1]) { // printable keys have their character's code
+        bind_code(w, (unsigned char)name[0], control, key);
+        return;
+    }
+    if (name[0] == 'F' && name[1] >= '1' && name[1] <= '9') {
+        int number = name[1] - '0';
+        number = name[2] ? 10 * number + name[2] - '0' : number;
+        bind_code(w, GLFW_KEY_F1 + number - 1, control, key);
+        return;
+    }
+    for (size_t i = 0; i < sizeof named_keys / sizeof *named_keys; i++)
+        for (int k = 0; k < 2 && strcmp(name, named_keys[i].name) == 0; k++)
+            if (named_keys[i].codes[k])
+                bind_code(w, named_keys[i].codes[k], control, key);
+}
+
+static void bind_keys(glfw_window *w)
+{
+    for (size_t i = 0; i < hw_key_row_count; i++) {
+        const hw_key_row *row = &hw_key_rows[i];
+        for (int k = 0; k < HW_KEY_NAMES_MAX && row->key != HW_KEY_COUNT; k++)
+            if (row->names[k])
+                bind_name(w, row->names[k], row->key);
+    }
 }
 
 // ---- Input
@@ -70,13 +120,9 @@ static void on_key(GLFWwindow *window, int key, int scancode, int action, int mo
         return;
     }
     bool control = modifiers & GLFW_MOD_CONTROL;
-    if (key == GLFW_KEY_ESCAPE || (control && key == GLFW_KEY_Q)) {
-        w->events.pressed[HW_KEY_QUIT] = true;
-        return;
-    }
-    for (size_t i = 0; i < BINDING_COUNT && !control; i++)
-        if (bindings[i].glfw_key == key)
-            w->events.pressed[bindings[i].key] = true;
+    for (uint32_t i = 0; i < w->binding_count; i++)
+        if (w->bindings[i].code == key && w->bindings[i].control == control)
+            w->events.pressed[w->bindings[i].key] = true;
 }
 
 static void on_button(GLFWwindow *window, int button, int action, int modifiers)
@@ -115,6 +161,27 @@ static bool minimised(glfw_window *w, int *width, int *height)
     return glfwGetWindowAttrib(w->window, GLFW_ICONIFIED) || *width <= 0 || *height <= 0;
 }
 
+_Static_assert(HW_GAMEPAD_AXES == GLFW_GAMEPAD_AXIS_LAST + 1 &&
+                   HW_GAMEPAD_BUTTONS == GLFW_GAMEPAD_BUTTON_LAST + 1,
+               "keys.h lays gamepads out as GLFW does");
+
+// The first joystick that GLFW knows as a gamepad; only while the window has the focus.
+static void poll_gamepad(glfw_window *w, hw_input *input)
+{
+    GLFWgamepadstate state;
+    hw_gamepad now = {.axes = {[HW_GAMEPAD_LEFT_TRIGGER] = -1, [HW_GAMEPAD_RIGHT_TRIGGER] = -1}};
+    bool found = false;
+    for (int i = GLFW_JOYSTICK_1; i <= GLFW_JOYSTICK_LAST && !found; i++)
+        found = glfwJoystickIsGamepad(i) && glfwGetGamepadState(i, &state);
+    if (found && glfwGetWindowAttrib(w->window, GLFW_FOCUSED)) {
+        memcpy(now.axes, state.axes, sizeof now.axes);
+        for (int i = 0; i < HW_GAMEPAD_BUTTONS; i++)
+            now.buttons[i] = state.buttons[i] == GLFW_PRESS;
+    }
+    hw_gamepad_apply(&now, &w->gamepad, input);
+    w->gamepad = now;
+}
+
 static void fill_input(glfw_window *w, hw_input *input)
 {
     int width, height;
@@ -122,11 +189,13 @@ static void fill_input(glfw_window *w, hw_input *input)
     bool down[HW_KEY_COUNT] = {false};
     bool control = glfwGetKey(w->window, GLFW_KEY_LEFT_CONTROL) == GLFW_PRESS ||
                    glfwGetKey(w->window, GLFW_KEY_RIGHT_CONTROL) == GLFW_PRESS;
-    for (size_t i = 0; i < BINDING_COUNT && !control; i++)
-        if (glfwGetKey(w->window, bindings[i].glfw_key) == GLFW_PRESS)
-            down[bindings[i].key] = true;
+    for (uint32_t i = 0; i < w->binding_count; i++)
+        if (w->bindings[i].control == control &&
+            glfwGetKey(w->window, w->bindings[i].code) == GLFW_PRESS)
+            down[w->bindings[i].key] = true;
     *input = w->events;
     memcpy(input->down, down, sizeof down);
+    poll_gamepad(w, input);
     input->width = hidden ? 0 : (uint32_t)width;
     input->height = hidden ? 0 : (uint32_t)height;
     input->close = glfwWindowShouldClose(w->window);
@@ -175,6 +244,63 @@ static void glfw_set_title(void *state, const char *title)
 {
     glfw_window *w = state;
     glfwSetWindowTitle(w->window, title);
+}
+
+// ---- Filling the screen
+
+// The monitor that shows most of the window, NULL without any.
+static GLFWmonitor *monitor_of(glfw_window *w)
+{
+    int x, y, width, height, count = 0, best = -1;
+    GLFWmonitor **monitors = glfwGetMonitors(&count), *found = NULL;
+    glfwGetWindowPos(w->window, &x, &y);
+    glfwGetWindowSize(w->window, &width, &height);
+    for (int i = 0; i < count; i++) {
+        int mx, my;
+        const GLFWvidmode *mode = glfwGetVideoMode(monitors[i]);
+        glfwGetMonitorPos(monitors[i], &mx, &my);
+        if (!mode)
+            continue;
+        int right = x + width < mx + mode->width ? x + width : mx + mode->width;
+        int bottom = y + height < my + mode->height ? y + height : my + mode->height;
+        int overlap_x = right - (x > mx ? x : mx), overlap_y = bottom - (y > my ? y : my);
+        int area = overlap_x > 0 && overlap_y > 0 ? overlap_x * overlap_y : 0;
+        if (area > best) {
+            best = area;
+            found = monitors[i];
+        }
+    }
+    return found;
+}
+
+static void glfw_toggle_fullscreen(void *state)
+{
+    glfw_window *w = state;
+    if (glfwGetWindowMonitor(w->window)) {
+        glfwSetWindowMonitor(w->window, NULL, w->place[0], w->place[1], w->place[2], w->place[3],
+                             GLFW_DONT_CARE);
+        return;
+    }
+    GLFWmonitor *monitor = monitor_of(w);
+    const GLFWvidmode *mode = monitor ? glfwGetVideoMode(monitor) : NULL;
+    if (!mode)
+        return;
+    glfwGetWindowPos(w->window, &w->place[0], &w->place[1]);
+    glfwGetWindowSize(w->window, &w->place[2], &w->place[3]);
+    // The desktop's own mode: no display is ever switched to another one.
+    glfwSetWindowMonitor(w->window, monitor, 0, 0, mode->width, mode->height, mode->refreshRate);
+}
+
+static const char *glfw_clipboard(void *state)
+{
+    glfw_window *w = state;
+    return glfwGetClipboardString(w->window);
+}
+
+static void glfw_set_clipboard(void *state, const char *text)
+{
+    glfw_window *w = state;
+    glfwSetClipboardString(w->window, text);
 }
 
 // ---- Creating
@@ -229,6 +355,10 @@ static hw_status glfw_create(const hw_context_desc *desc, void **state)
         goto out;
     }
     w->refresh_ms = 1000.0 / (mode && mode->refreshRate > 0 ? mode->refreshRate : 60);
+    w->place[2] = (int)desc->width; // where one that starts full goes back to
+    w->place[3] = (int)desc->height;
+    w->gamepad.axes[HW_GAMEPAD_LEFT_TRIGGER] = w->gamepad.axes[HW_GAMEPAD_RIGHT_TRIGGER] = -1;
+    bind_keys(w);
     glfwSetWindowUserPointer(w->window, w);
     glfwSetWindowSizeLimits(w->window, SMALLEST_SIDE, SMALLEST_SIDE, GLFW_DONT_CARE,
                             GLFW_DONT_CARE);
@@ -256,4 +386,7 @@ const hw_context_backend hw_context_glfw = {.name = "glfw",
                                             .destroy = glfw_destroy,
                                             .proc_address = glfw_proc_address,
                                             .present = glfw_present,
-                                            .set_title = glfw_set_title};
+                                            .set_title = glfw_set_title,
+                                            .toggle_fullscreen = glfw_toggle_fullscreen,
+                                            .clipboard = glfw_clipboard,
+                                            .set_clipboard = glfw_set_clipboard};

@@ -17,6 +17,10 @@ typedef struct hw_context_backend {
     // the last call, and width and height). Off screen: does nothing.
     void (*present)(void *state, hw_input *input);
     void (*set_title)(void *state, const char *title);
+    // As in context.h; NULL where there is no window.
+    void (*toggle_fullscreen)(void *state);
+    const char *(*clipboard)(void *state);
+    void (*set_clipboard)(void *state, const char *text);
 } hw_context_backend;
 
 extern const hw_context_backend hw_context_osmesa, hw_context_glfw;

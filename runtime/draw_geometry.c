@@ -10,6 +10,7 @@ typedef struct geometry {
     hw_shaded_scene scene;
     uint32_t mesh_count;
     hw_shaded_mesh *meshes;
+    hw_debug_view debug;
 } geometry;
 
 static void geometry_destroy(void *state)
@@ -66,6 +67,7 @@ static hw_status draw_all(void *state, const hw_camera *camera, hw_frame_stats *
     hw_ground_gl_begin();
     hw_ground_gl_draw(&g->scene.ground, &matrix, stats);
     hw_gpu_pace_flush(&pass.pace);
+    hw_debug_tint(&g->debug, HW_REPRESENTATION_FULL);
     for (uint32_t i = 0; i < g->scene.object_count; i++)
         draw_object(g, &pass, i, &matrix, stats);
     hw_shaded_end(&pass);
@@ -76,19 +78,32 @@ static hw_status draw_culled(void *state, const hw_camera *camera, hw_frame_stat
 {
     geometry *g = state;
     hw_mat4 matrix = hw_camera_view_projection(camera);
-    hw_frustum frustum = hw_frustum_make(&matrix);
+    const hw_camera *culling = hw_debug_culling_camera(&g->debug, camera);
+    hw_mat4 culling_matrix = hw_camera_view_projection(culling);
+    hw_frustum frustum = hw_frustum_make(&culling_matrix);
     hw_shaded_pass pass = {0};
     hw_ground_gl_begin();
     hw_ground_gl_draw(&g->scene.ground, &matrix, stats);
     hw_gpu_pace_flush(&pass.pace);
-    uint32_t count = hw_shaded_scene_visible(&g->scene, camera, &frustum);
+    hw_debug_tint(&g->debug, HW_REPRESENTATION_FULL);
+    uint32_t count = hw_shaded_scene_visible(&g->scene, culling, &frustum);
     for (uint32_t i = 0; i < count; i++)
         draw_object(g, &pass, g->scene.order[i].index, &matrix, stats);
     hw_shaded_end(&pass);
     return HW_OK;
 }
 
-const hw_renderer_backend hw_draw_all = {
-    .create = geometry_create, .destroy = geometry_destroy, .draw = draw_all};
-const hw_renderer_backend hw_draw_culled = {
-    .create = geometry_create, .destroy = geometry_destroy, .draw = draw_culled};
+static void geometry_set_debug_view(void *state, const hw_debug_view *view)
+{
+    geometry *g = state;
+    g->debug = *view;
+}
+
+const hw_renderer_backend hw_draw_all = {.create = geometry_create,
+                                         .destroy = geometry_destroy,
+                                         .draw = draw_all,
+                                         .set_debug_view = geometry_set_debug_view};
+const hw_renderer_backend hw_draw_culled = {.create = geometry_create,
+                                            .destroy = geometry_destroy,
+                                            .draw = draw_culled,
+                                            .set_debug_view = geometry_set_debug_view};

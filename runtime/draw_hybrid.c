@@ -2,17 +2,20 @@
 // (projective-alike texture mapping, thesis 5.2.2).
 #include "alloc.h"
 #include "cell_gpu.h"
+#include "crossing.h"
 #include "ground.h"
 #include "hierarchy.h"
-#include "near_meshes.h"
+#include "prefetch.h"
 #include "renderer_internal.h"
 #include "shaders.h"
+#include "store.h"
 #include "system.h"
 #include <string.h>
+#include <time.h>
 
-#define CELLS_MAX         12u
-#define CELL_BYTES_BUDGET (UINT64_C(24) << 20) // of GPU memory, but the current cell always stays
-#define NEAR_BYTES_BUDGET (UINT64_C(96) << 20)
+#define SCRATCH_RECORDS_MAX 65536u // far records that there is room for from the start, at most
+#define FIRST_WAIT_S        0.002  // between looks, while there is nothing to draw
+#define FIRST_SIMULATED_S   0.02
 
 #define RANGE_INDICES 30000u // of one draw call, whole triangles
 
@@ -30,35 +33,46 @@ _Static_assert(sizeof(far_uniform) == 80, "a far record's uniforms are 80 bytes"
 // What the frame needs of a near object beside its mesh; per object of the manifest.
 typedef struct near_object {
     float normal[9]; // world <- mesh, for normals; column-major
-    float stretch;
     bool mirrored;
 } near_object;
 
 // A near object chosen for this frame.
 typedef struct near_draw {
     uint32_t object_idx;
+    hw_fade fade;
     const hw_near_level *level;
 } near_draw;
 
 typedef struct near_program {
     GLuint name;
-    GLint clip, normal, color;
+    GLint clip, normal, color, kept;
 } near_program;
+
+typedef struct far_program {
+    GLuint name;
+    GLint first_record, kept;
+} far_program;
+
+// Programs come whole and dissolving.
+enum { WHOLE, DISSOLVING, PHASES };
 
 typedef struct hybrid {
     hw_gpu_account *account;
     char *dataset;
     hw_manifest manifest;
     near_object *objects;
-    hw_near_meshes *meshes;
-    hw_cell_gpu cells[CELLS_MAX];
-    uint64_t frame; // counts prepares and draws
+    float *stretch; // of each object
+    hw_store *store;
+    hw_prefetch *prefetch;    // NULL: frames wait for what they lack
+    bool simulated, drawable; // drawable: a cell was ready once
+    double simulated_s;
     hw_ground_gl ground;
-    near_program near_plain, near_textured;
-    GLuint far_program;
-    GLint far_first_record;
+    near_program near_programs[2][PHASES]; // without and with a texture
+    far_program far_programs[2][PHASES];   // opaque, cut out
+    double crossing_width;
     hw_gpu_buffer far_uniforms;
     hw_gpu_pace pace;
+    hw_debug_view debug;
     // Scratch for the near objects and far records of a frame's cells; capacities in items.
     size_t near_capacity, far_capacity;
     uint32_t *visible;
@@ -72,22 +86,22 @@ typedef struct hybrid {
 static void hybrid_destroy(void *state)
 {
     hybrid *h = state;
-    for (uint32_t i = 0; i < CELLS_MAX; i++)
-        hw_cell_gpu_free(h->account, &h->cells[i]);
-    hw_near_meshes_destroy(h->meshes);
+    hw_prefetch_destroy(h->prefetch);
+    hw_store_destroy(h->store);
     hw_ground_gl_destroy(h->account, &h->ground);
     hw_gpu_buffer_destroy(h->account, &h->far_uniforms);
-    const GLuint programs[] = {h->near_plain.name, h->near_textured.name, h->far_program};
-    for (size_t i = 0; i < sizeof programs / sizeof *programs; i++) {
-        if (programs[i])
-            glDeleteProgram(programs[i]);
-    }
+    for (int i = 0; i < 2; i++)
+        for (int phase = 0; phase < PHASES; phase++) {
+            glDeleteProgram(h->near_programs[i][phase].name);
+            glDeleteProgram(h->far_programs[i][phase].name);
+        }
     hw_free(h->visible);
     hw_free(h->order);
     hw_free(h->order_scratch);
     hw_free(h->near);
     hw_free(h->far);
     hw_free(h->objects);
+    hw_free(h->stretch);
     hw_manifest_free(&h->manifest);
     hw_free(h->dataset);
     hw_free(h);
@@ -99,17 +113,35 @@ static hw_status make_near_program(const char *defines, near_program *out)
     out->clip = glGetUniformLocation(out->name, "u_clip");
     out->normal = glGetUniformLocation(out->name, "u_world_normal");
     out->color = glGetUniformLocation(out->name, "u_base_color");
+    out->kept = glGetUniformLocation(out->name, "u_kept");
     return HW_OK;
 }
 
-static hw_status make_far_program(hybrid *h)
+#define FAR_DEFINES "#define FAR_PAGE_RECORDS " VALUE(HW_FAR_PAGE_RECORDS) "\n"
+
+static hw_status make_far_program(const char *defines, far_program *out)
 {
-    HW_TRY(hw_gpu_program("far", "#define FAR_PAGE_RECORDS " VALUE(HW_FAR_PAGE_RECORDS) "\n",
-                          hw_shader_far_vert, hw_shader_far_frag, &h->far_program));
-    h->far_first_record = glGetUniformLocation(h->far_program, "u_first_record");
-    GLuint block = glGetUniformBlockIndex(h->far_program, "FarRecords");
-    glUniformBlockBinding(h->far_program, block, 0);
+    HW_TRY(hw_gpu_program("far", defines, hw_shader_far_vert, hw_shader_far_frag, &out->name));
+    out->first_record = glGetUniformLocation(out->name, "u_first_record");
+    out->kept = glGetUniformLocation(out->name, "u_kept");
+    GLuint block = glGetUniformBlockIndex(out->name, "FarRecords");
+    glUniformBlockBinding(out->name, block, 0);
     return hw_gpu_check("far program");
+}
+
+static hw_status make_programs(hybrid *h)
+{
+    static const char *const near_defines[2][PHASES] = {
+        {"", "#define DISSOLVE\n"}, {"#define TEXTURED\n", "#define TEXTURED\n#define DISSOLVE\n"}};
+    static const char *const far_defines[2][PHASES] = {
+        {FAR_DEFINES, FAR_DEFINES "#define DISSOLVE\n"},
+        {FAR_DEFINES "#define CUT_OUT\n", FAR_DEFINES "#define CUT_OUT\n#define DISSOLVE\n"}};
+    for (int i = 0; i < 2; i++)
+        for (int phase = 0; phase < PHASES; phase++) {
+            HW_TRY(make_near_program(near_defines[i][phase], &h->near_programs[i][phase]));
+            HW_TRY(make_far_program(far_defines[i][phase], &h->far_programs[i][phase]));
+        }
+    return HW_OK;
 }
 
 static void make_near_object(const hw_manifest_object *object, near_object *out)
@@ -118,50 +150,19 @@ static void make_near_object(const hw_manifest_object *object, near_object *out)
     (void)hw_mat4_inverse(object->transform, &inverse); // identity if singular: a flat object
     for (int k = 0; k < 9; k++)
         out->normal[k] = (float)inverse.m[k % 3 * 4 + k / 3];
-    out->stretch = (float)hw_mat4_stretch(&object->transform);
     out->mirrored = hw_mat4_mirrors(&object->transform);
 }
-
-static hw_status hybrid_create(const hw_renderer_desc *desc, hw_gpu_account *account, void **state)
-{
-    hw_status status = HW_OK;
-    hybrid *h = NULL;
-    HW_TRY(HW_NEW(&h, 1));
-    h->account = account;
-    HW_GO(hw_strdup(&h->dataset, desc->dataset));
-    HW_GO(hw_manifest_read(h->dataset, &h->manifest));
-    HW_GO(HW_NEW(&h->objects, h->manifest.object_count));
-    hw_box bounds = hw_box_empty();
-    for (uint32_t i = 0; i < h->manifest.object_count; i++) {
-        make_near_object(&h->manifest.objects[i], &h->objects[i]);
-        bounds = hw_box_union(bounds, h->manifest.objects[i].bounds);
-    }
-    HW_GO(hw_near_meshes_create(account, h->dataset, &h->manifest, NEAR_BYTES_BUDGET, &h->meshes));
-    HW_GO(hw_ground_gl_create(account, &h->manifest.ground, bounds, &h->ground));
-    HW_GO(make_near_program(NULL, &h->near_plain));
-    HW_GO(make_near_program("#define TEXTURED\n", &h->near_textured));
-    HW_GO(make_far_program(h));
-    *state = h;
-    h = NULL;
-out:
-    if (h)
-        hybrid_destroy(h);
-    return status;
-}
-
-// ---- loading ---------------------------------------------------------------------------------
 
 static size_t page_count(size_t records)
 {
     return (records + HW_FAR_PAGE_RECORDS - 1) / HW_FAR_PAGE_RECORDS;
 }
 
-// Scratch that suffices for the cells of a frame, one of each level.
-static hw_status reserve_scratch(hybrid *h, hw_cell_gpu *const *cells)
+// Scratch for so many near objects and far records. Cells have about as many as the first that
+// come: from then on nothing is allocated.
+static hw_status reserve_scratch(hybrid *h, size_t near, size_t far)
 {
-    size_t near = cells[0]->near_count, far = 0;
-    for (int32_t l = 0; l < h->manifest.grid.levels; l++)
-        far += page_count(cells[l]->far_count) * HW_FAR_PAGE_RECORDS;
+    far = page_count(far) * HW_FAR_PAGE_RECORDS;
     if (near <= h->near_capacity && far <= h->far_capacity)
         return HW_OK;
     if (near > h->near_capacity) {
@@ -183,91 +184,290 @@ static hw_status reserve_scratch(hybrid *h, hw_cell_gpu *const *cells)
     return HW_OK;
 }
 
-// A slot for one more cell: empty ones first, else the cells drawn longest ago go until count and
-// bytes are within their limits. Those of this frame stay.
-static hw_cell_gpu *make_room(hybrid *h)
+static hw_status make_loading(hybrid *h, const hw_streaming *streaming)
 {
-    while (true) {
-        hw_cell_gpu *empty = NULL, *oldest = NULL;
-        uint64_t bytes = 0;
-        for (uint32_t i = 0; i < CELLS_MAX; i++) {
-            hw_cell_gpu *cell = &h->cells[i];
-            bytes += cell->gpu_bytes;
-            if (!cell->loaded)
-                empty = cell;
-            else if (cell->used < h->frame && (!oldest || cell->used < oldest->used))
-                oldest = cell;
-        }
-        if (empty && (bytes <= CELL_BYTES_BUDGET || !oldest))
-            return empty;
-        hw_cell_gpu_free(h->account, oldest);
-    }
+    hw_loading loading = streaming->loading;
+    h->simulated = loading == HW_LOADING_SIMULATED || loading == HW_LOADING_SIMULATED_WAITS;
+    const hw_store_desc desc = {.location = h->dataset,
+                                .manifest = &h->manifest,
+                                .account = h->account,
+                                .mode = h->simulated                  ? HW_LOADER_SIMULATED
+                                        : loading == HW_LOADING_AHEAD ? HW_LOADER_THREAD
+                                                                      : HW_LOADER_WAITS,
+                                .gpu_budget = streaming->gpu_budget,
+                                .ram_budget = streaming->ram_budget,
+                                .frame_bytes = streaming->frame_bytes,
+                                .bytes_per_second = streaming->bytes_per_second};
+    HW_TRY(hw_store_create(&desc, &h->store));
+    if (loading == HW_LOADING_AHEAD || loading == HW_LOADING_SIMULATED)
+        HW_TRY(hw_prefetch_create(h->store, &h->manifest, h->stretch, &h->prefetch));
+    // Of most datasets' cells none has more records than there are objects.
+    size_t records = h->manifest.object_count;
+    records = records < SCRATCH_RECORDS_MAX ? records : SCRATCH_RECORDS_MAX;
+    return reserve_scratch(h, records,
+                           records + (size_t)h->manifest.grid.levels * HW_FAR_PAGE_RECORDS);
 }
 
-// Everything the cell needs before frames can be drawn in it, but the levels of its near meshes.
-static hw_status load_cell(hybrid *h, hw_cell_id id, hw_frame_stats *stats, hw_cell_gpu **out)
+static hw_status hybrid_create(const hw_renderer_desc *desc, hw_gpu_account *account, void **state)
 {
-    hw_cell_gpu *cell = make_room(h);
-    stats->stalls = 1;
-    HW_TRY(hw_cell_gpu_load(h->account, h->dataset, &h->manifest, id, cell));
-    stats->loaded_bytes += cell->file_bytes;
     hw_status status = HW_OK;
-    for (uint32_t i = 0; status == HW_OK && i < cell->near_count; i++) {
-        const hw_manifest_object *object = &h->manifest.objects[cell->near[i].object_idx];
-        status = hw_near_meshes_open(h->meshes, object->mesh_idx, object->texture_idx, stats);
+    hybrid *h = NULL;
+    HW_TRY(HW_NEW(&h, 1));
+    h->account = account;
+    h->crossing_width = desc->crossing_width;
+    HW_GO(hw_strdup(&h->dataset, desc->dataset));
+    HW_GO(hw_manifest_open(h->dataset, &h->manifest));
+    HW_GO(HW_NEW(&h->objects, h->manifest.object_count));
+    HW_GO(HW_NEW(&h->stretch, h->manifest.object_count));
+    hw_box bounds = hw_box_empty();
+    for (uint32_t i = 0; i < h->manifest.object_count; i++) {
+        make_near_object(&h->manifest.objects[i], &h->objects[i]);
+        h->stretch[i] = (float)hw_mat4_stretch(&h->manifest.objects[i].transform);
+        bounds = hw_box_union(bounds, h->manifest.objects[i].bounds);
     }
-    if (status != HW_OK)
-        hw_cell_gpu_free(h->account, cell);
-    *out = cell;
+    HW_GO(make_loading(h, &desc->streaming));
+    HW_GO(hw_ground_gl_create(account, &h->manifest.ground, bounds, &h->ground));
+    HW_GO(make_programs(h));
+    *state = h;
+    h = NULL;
+out:
+    if (h)
+        hybrid_destroy(h);
     return status;
 }
 
-static hw_status find_cell(hybrid *h, hw_cell_id id, hw_frame_stats *stats, hw_cell_gpu **out)
+// ---- loading ---------------------------------------------------------------------------------
+
+static hw_data_key cell_key(uint32_t index)
 {
-    *out = NULL;
-    for (uint32_t i = 0; i < CELLS_MAX && !*out; i++) {
-        hw_cell_gpu *cell = &h->cells[i];
-        if (cell->loaded && cell->id.level == id.level && cell->id.q == id.q && cell->id.r == id.r)
-            *out = cell;
+    return (hw_data_key){HW_DATA_CELL, index, 0};
+}
+
+// The viewer's cells, and while one dissolves into another, that one's; by level.
+typedef struct frame_cells {
+    hw_cell_gpu *own[HW_CELL_LEVELS_MAX];
+    hw_cell_gpu *other[HW_CELL_LEVELS_MAX]; // with share > 0
+    float share;                            // hw_crossing
+} frame_cells;
+
+static void use_cells(hybrid *h, hw_cell_gpu *const *cells)
+{
+    for (int32_t l = 0; l < h->manifest.grid.levels; l++)
+        hw_store_use_cell(h->store, cells[l]);
+}
+
+// Everything the cell needs before frames can be drawn in it, but the levels of its near meshes.
+static hw_status need_cell(hybrid *h, hw_cell_id id, hw_cell_gpu **out)
+{
+    uint32_t index;
+    if (!hw_store_find_cell(h->store, id, &index))
+        return hw_fail(HW_FORMAT, "%s: has no cell %d/%d_%d", h->dataset, id.level, id.q, id.r);
+    HW_TRY(hw_store_need(h->store, cell_key(index)));
+    const hw_cell_records *records = hw_store_records(h->store, index);
+    for (uint32_t i = 0; i < records->near_count; i++) {
+        const hw_manifest_object *object = &h->manifest.objects[records->near[i].object_idx];
+        hw_data_key mesh = {HW_DATA_MESH, object->mesh_idx, 0};
+        hw_data_key texture = {HW_DATA_TEXTURE, (uint32_t)object->texture_idx, 0};
+        HW_TRY(hw_store_need(h->store, mesh));
+        if (object->texture_idx >= 0)
+            HW_TRY(hw_store_need(h->store, texture));
     }
-    if (!*out)
-        HW_TRY(load_cell(h, id, stats, out));
-    (*out)->used = h->frame;
+    *out = hw_store_cell(h->store, index);
     return HW_OK;
 }
 
-// The viewer's cell of each level.
-static hw_status find_cells(hybrid *h, const hw_camera *camera, hw_frame_stats *stats,
-                            hw_cell_gpu *out[HW_CELL_LEVELS_MAX])
+// The cell and the groups that hold it, one of each level, if all can be drawn as they are.
+static bool is_chain_ready(hybrid *h, hw_cell_id id, hw_cell_gpu *out[HW_CELL_LEVELS_MAX])
 {
-    hw_cell_id id = hw_hexgrid_locate(&h->manifest.grid, camera->eye.x, camera->eye.y);
+    uint32_t index;
+    for (int32_t l = 0; l < h->manifest.grid.levels; l++, id = hw_cell_parent(id)) {
+        out[l] = hw_store_find_cell(h->store, id, &index) ? hw_store_cell(h->store, index) : NULL;
+        if (!out[l] || !hw_store_has_near(h->store, out[l]->records))
+            return false;
+    }
+    return true;
+}
+
+// The chain of the closest cell that is ready. Chains are not mixed: an object that is missing in
+// the cell of one is in those of its other levels.
+static bool find_closest_chain(hybrid *h, hw_vec3 eye, hw_cell_gpu *out[HW_CELL_LEVELS_MAX])
+{
+    hw_cell_gpu *chain[HW_CELL_LEVELS_MAX];
+    float least = INFINITY;
+    for (uint32_t i = 0; i < HW_STORE_CELLS_MAX; i++) {
+        const hw_cell_gpu *cell = hw_store_ready_cell(h->store, i);
+        if (!cell || cell->id.level != 0)
+            continue;
+        hw_vec3 away = hw_v3_sub(hw_cell_centre(&h->manifest.grid, cell->id), eye);
+        float distance = hypotf(away.x, away.y);
+        if (distance >= least || !is_chain_ready(h, cell->id, chain))
+            continue;
+        least = distance;
+        memcpy(out, chain, sizeof chain);
+    }
+    return least < INFINITY;
+}
+
+// What the chain's first frame waits for has failed to load.
+static bool has_failed(hybrid *h, hw_cell_id id)
+{
+    uint32_t index;
+    bool failed = false;
+    for (int32_t l = 0; l < h->manifest.grid.levels; l++, id = hw_cell_parent(id)) {
+        if (!hw_store_find_cell(h->store, id, &index))
+            return true;
+        const hw_cell_records *records = hw_store_records(h->store, index);
+        failed = failed || hw_store_failed(h->store, cell_key(index));
+        for (uint32_t i = 0; records && i < records->near_count; i++) {
+            const hw_manifest_object *object = &h->manifest.objects[records->near[i].object_idx];
+            hw_data_key mesh = {HW_DATA_MESH, object->mesh_idx, 0};
+            hw_data_key texture = {HW_DATA_TEXTURE, (uint32_t)object->texture_idx, 0};
+            failed = failed || hw_store_failed(h->store, mesh) ||
+                     (object->texture_idx >= 0 && hw_store_failed(h->store, texture));
+        }
+    }
+    return failed;
+}
+
+static double now_s(const hybrid *h)
+{
+    return h->simulated ? h->simulated_s : hw_clock_ms() / 1000;
+}
+
+static void begin_loading(hybrid *h, const hw_camera *camera)
+{
+    hw_store_begin_frame(h->store, now_s(h), !h->drawable);
+    if (h->prefetch)
+        hw_prefetch_update(h->prefetch, camera, now_s(h));
+}
+
+// Only until there has once been something to draw.
+static hw_status wait_for_chain(hybrid *h, const hw_camera *camera, hw_cell_id id,
+                                hw_cell_gpu *out[HW_CELL_LEVELS_MAX])
+{
+    const struct timespec pause = {0, (long)(FIRST_WAIT_S * 1e9)};
+    while (!is_chain_ready(h, id, out)) {
+        if (has_failed(h, id))
+            return hw_fail(HW_IO, "%s", hw_store_get_stats(h->store).problem);
+        if (h->simulated) {
+            h->simulated_s += FIRST_SIMULATED_S;
+            hw_store_simulate(h->store, h->simulated_s);
+        } else {
+            nanosleep(&pause, NULL);
+        }
+        begin_loading(h, camera);
+    }
+    return HW_OK;
+}
+
+static hw_status need_chain(hybrid *h, hw_cell_id id, hw_cell_gpu *out[HW_CELL_LEVELS_MAX])
+{
+    for (int32_t l = 0; l < h->manifest.grid.levels; l++, id = hw_cell_parent(id))
+        HW_TRY(need_cell(h, id, &out[l]));
+    return HW_OK;
+}
+
+// The viewer's cell of each level; with prefetching, the best there is.
+static hw_status find_own_cells(hybrid *h, const hw_camera *camera, hw_cell_id id,
+                                hw_frame_stats *stats, hw_cell_gpu *out[HW_CELL_LEVELS_MAX])
+{
     stats->cell_q = id.q;
     stats->cell_r = id.r;
     stats->cell_level = id.level;
-    for (int32_t l = 0; l < h->manifest.grid.levels; l++) {
-        HW_TRY(find_cell(h, id, stats, &out[l]));
-        id = hw_cell_parent(id);
+    if (!h->prefetch) {
+        HW_TRY(need_chain(h, id, out));
+    } else if (!is_chain_ready(h, id, out)) {
+        if (!h->drawable)
+            HW_TRY(wait_for_chain(h, camera, id, out));
+        else if (find_closest_chain(h, camera->eye, out))
+            stats->stream.late_cells = (uint32_t)h->manifest.grid.levels;
+        else
+            return hw_fail(HW_INTERNAL, "%s: no cell is left to draw", h->dataset);
     }
-    return reserve_scratch(h, out);
+    h->drawable = true;
+    use_cells(h, out);
+    for (int32_t l = 0; l < h->manifest.grid.levels && stats->stream.late_cells; l++)
+        stats->stream.missing += out[l]->records->far_count;
+    return HW_OK;
+}
+
+// The cells beyond a border that the viewer is close to, if the dataset has them; with prefetching,
+// if they are there already.
+static hw_status find_other_cells(hybrid *h, const hw_camera *camera, hw_cell_id id,
+                                  frame_cells *out)
+{
+    uint32_t index;
+    out->share = 0;
+    if (h->debug.hard || h->debug.frozen)
+        return HW_OK;
+    hw_crossing c = hw_crossing_at(&h->manifest.grid, id, camera->eye, h->crossing_width);
+    if (c.share == 0 || !hw_store_find_cell(h->store, c.other, &index) ||
+        (h->prefetch && !is_chain_ready(h, c.other, out->other)))
+        return HW_OK;
+    if (!h->prefetch)
+        HW_TRY(need_chain(h, c.other, out->other));
+    use_cells(h, out->other);
+    out->share = c.share;
+    return HW_OK;
+}
+
+static hw_status find_cells(hybrid *h, const hw_camera *camera, hw_frame_stats *stats,
+                            frame_cells *out)
+{
+    hw_cell_id id = hw_hexgrid_locate(&h->manifest.grid, camera->eye.x, camera->eye.y);
+    HW_TRY(find_own_cells(h, camera, id, stats, out->own));
+    out->share = 0;
+    if (!stats->stream.late_cells)
+        HW_TRY(find_other_cells(h, camera, id, out));
+    size_t near = 0, far = 0;
+    hw_cell_gpu *const *chains[2] = {out->own, out->share > 0 ? out->other : NULL};
+    for (int i = 0; i < 2 && chains[i]; i++) {
+        near += chains[i][0]->records->near_count;
+        for (int32_t l = 0; l < h->manifest.grid.levels; l++)
+            far += page_count(chains[i][l]->records->far_count) * HW_FAR_PAGE_RECORDS;
+    }
+    return reserve_scratch(h, near, far);
 }
 
 // ---- near objects ----------------------------------------------------------------------------
 
-// The coarsest level whose surface error stays below the dataset's tolerance at this distance.
-static uint32_t choose_level(const hybrid *h, const hw_near_record *record, double focal_px,
-                             float distance)
+// The level of detail of a near object at this distance: waits for it, or takes the best there is.
+static hw_status get_level(hybrid *h, uint32_t object_idx, double focal_px, float distance,
+                           hw_frame_stats *stats, const hw_near_level **out)
 {
-    const hw_manifest_object *object = &h->manifest.objects[record->object_idx];
-    if (!(distance > 0))
-        return 0;
-    double error = h->manifest.near_error_px * distance / focal_px;
-    return hw_near_meshes_choose(h->meshes, object->mesh_idx,
-                                 error / h->objects[record->object_idx].stretch);
+    hw_data_key key = {HW_DATA_LEVEL, h->manifest.objects[object_idx].mesh_idx, 0};
+    const hw_mesh_table *table = hw_store_table(h->store, key.index);
+    key.level = hw_prefetch_level(table, h->manifest.near_error_px, focal_px,
+                                  (double)h->stretch[object_idx], (double)distance);
+    if (!h->prefetch)
+        HW_TRY(hw_store_need(h->store, key));
+    *out = hw_store_level(h->store, key.index, key.level);
+    if (!h->prefetch || *out == &table->items[key.level].level)
+        return HW_OK;
+    stats->stream.missing++;
+    hw_prefetch_urge(h->prefetch, key);
+    return HW_OK;
 }
 
-// Near objects in view, front to back, with their levels, into h->near.
-static hw_status choose_near(hybrid *h, const hw_cell_gpu *cell, const hw_camera *camera,
-                             const hw_frustum *frustum, hw_frame_stats *stats, uint32_t *out_count)
+// Whether the object is near in the cell. Near records are in the order of objects.
+static bool is_near(const hw_cell_records *cell, uint32_t object_idx)
+{
+    uint32_t low = 0, high = cell->near_count;
+    while (low < high) {
+        uint32_t middle = low + (high - low) / 2;
+        if (cell->near[middle].object_idx < object_idx)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low < cell->near_count && cell->near[low].object_idx == object_idx;
+}
+
+// Adds the cell's near objects in view, front to back, with their levels, to the *count in h->near.
+// What is near in the other cell too (NULL: there is none) does not dissolve, and comes once.
+static hw_status choose_near(hybrid *h, const hw_cell_records *cell, const hw_cell_records *other,
+                             hw_fade fade, const hw_camera *camera, const hw_frustum *frustum,
+                             hw_frame_stats *stats, uint32_t *out_count)
 {
     double focal_px = hw_camera_focal_px(camera);
     uint32_t count = hw_cull_visible(&cell->near_bounds, frustum, h->visible);
@@ -279,17 +479,27 @@ static hw_status choose_near(hybrid *h, const hw_cell_gpu *cell, const hw_camera
     }
     hw_cull_sort(h->order, count, h->order_scratch);
     for (uint32_t i = 0; i < count; i++) {
-        const hw_near_record *record = &cell->near[h->order[i].index];
-        uint32_t level = choose_level(h, record, focal_px, h->order[i].key);
-        h->near[i].object_idx = record->object_idx;
-        HW_TRY(hw_near_meshes_get(h->meshes, h->manifest.objects[record->object_idx].mesh_idx,
-                                  level, h->frame, stats, &h->near[i].level));
+        uint32_t object_idx = cell->near[h->order[i].index].object_idx;
+        bool shared = !other || is_near(other, object_idx);
+        if (shared && fade == HW_FADE_IN)
+            continue;
+        near_draw *draw = &h->near[(*out_count)++];
+        draw->object_idx = object_idx;
+        draw->fade = shared ? HW_FADE_NONE : fade;
+        HW_TRY(get_level(h, object_idx, focal_px, h->order[i].key, stats, &draw->level));
     }
-    *out_count = count;
     return HW_OK;
 }
 
-static void draw_near(hybrid *h, uint32_t count, const hw_mat4 *matrix, hw_frame_stats *stats)
+static void set_kept(GLint location, hw_fade fade, float share)
+{
+    float range[2];
+    hw_fade_range(fade, share, range);
+    glUniform2fv(location, 1, range);
+}
+
+static void draw_near(hybrid *h, uint32_t count, float share, const hw_mat4 *matrix,
+                      hw_frame_stats *stats)
 {
     const near_program *bound = NULL;
     GLuint bound_texture = 0;
@@ -297,12 +507,14 @@ static void draw_near(hybrid *h, uint32_t count, const hw_mat4 *matrix, hw_frame
         const hw_manifest_object *object = &h->manifest.objects[h->near[i].object_idx];
         const near_object *extra = &h->objects[h->near[i].object_idx];
         const hw_near_level *level = h->near[i].level;
-        GLuint texture = hw_near_meshes_texture(h->meshes, object->texture_idx);
+        GLuint texture = hw_store_texture(h->store, object->texture_idx);
         bool textured = texture && level->has_uvs;
-        const near_program *program = textured ? &h->near_textured : &h->near_plain;
+        const near_program *program =
+            &h->near_programs[textured][h->near[i].fade == HW_FADE_NONE ? WHOLE : DISSOLVING];
         if (program != bound)
             glUseProgram(program->name);
         bound = program;
+        set_kept(program->kept, h->near[i].fade, share);
         if (textured && texture != bound_texture) {
             glBindTexture(GL_TEXTURE_2D, texture);
             bound_texture = texture;
@@ -330,8 +542,9 @@ static void draw_near(hybrid *h, uint32_t count, const hw_mat4 *matrix, hw_frame
 static void draw_range(hybrid *h, const hw_cell_gpu *cell, uint32_t first, uint32_t end,
                        hw_frame_stats *stats)
 {
-    uint32_t index = cell->far[first].first_index;
-    uint32_t index_end = cell->far[end - 1].first_index + cell->far[end - 1].index_count;
+    const hw_far_draw *far = cell->records->far;
+    uint32_t index = far[first].first_index;
+    uint32_t index_end = far[end - 1].first_index + far[end - 1].index_count;
     stats->far_triangles += (index_end - index) / 3;
     while (index < index_end) {
         uint32_t left = index_end - index, count = left < RANGE_INDICES ? left : RANGE_INDICES;
@@ -348,15 +561,17 @@ static void draw_range(hybrid *h, const hw_cell_gpu *cell, uint32_t first, uint3
 typedef struct far_list {
     const hw_cell_gpu *cell;
     uint32_t first_page, first_visible, count;
+    uint32_t opaque_count; // of the visible ones, before those cut out
+    hw_fade fade;
 } far_list;
 
 // Draws the visible records [begin, end) of the list, all of one page.
-static void draw_page(hybrid *h, const far_list *list, uint32_t begin, uint32_t end,
-                      hw_frame_stats *stats)
+static void draw_page(hybrid *h, const far_program *program, const far_list *list, uint32_t begin,
+                      uint32_t end, hw_frame_stats *stats)
 {
     const uint32_t *visible = h->visible + list->first_visible;
     uint32_t page = visible[begin] / HW_FAR_PAGE_RECORDS;
-    glUniform1i(h->far_first_record, (GLint)(page * HW_FAR_PAGE_RECORDS));
+    glUniform1i(program->first_record, (GLint)(page * HW_FAR_PAGE_RECORDS));
     glBindBufferRange(GL_UNIFORM_BUFFER, 0, h->far_uniforms.name,
                       (GLintptr)((list->first_page + page) * PAGE_BYTES), PAGE_BYTES);
     uint32_t start = begin;
@@ -369,14 +584,18 @@ static void draw_page(hybrid *h, const far_list *list, uint32_t begin, uint32_t 
 }
 
 // Culls the cell's records and fills the uniforms of those that are left.
-static far_list list_far(hybrid *h, const hw_cell_gpu *cell, const hw_mat4 *matrix,
+static far_list list_far(hybrid *h, const hw_cell_gpu *cell, hw_fade fade, const hw_mat4 *matrix,
                          const hw_frustum *frustum, uint32_t first_page)
 {
-    far_list list = {cell, first_page, first_page * HW_FAR_PAGE_RECORDS, 0};
+    far_list list = {.cell = cell,
+                     .first_page = first_page,
+                     .first_visible = first_page * HW_FAR_PAGE_RECORDS,
+                     .fade = fade};
     uint32_t *visible = h->visible + list.first_visible;
-    list.count = hw_cull_visible(&cell->far_bounds, frustum, visible);
+    list.count = hw_cull_visible(&cell->records->far_bounds, frustum, visible);
     for (uint32_t i = 0; i < list.count; i++) {
-        const hw_far_draw *far = &cell->far[visible[i]];
+        const hw_far_draw *far = &cell->records->far[visible[i]];
+        list.opaque_count += visible[i] < cell->records->opaque_count;
         far_uniform *uniform = &h->far[list.first_visible + visible[i]];
         hw_mat4 product = hw_mat4_mul(*matrix, far->matrix);
         hw_mat4_to_float(&product, uniform->clip);
@@ -385,41 +604,61 @@ static far_list list_far(hybrid *h, const hw_cell_gpu *cell, const hw_mat4 *matr
     return list;
 }
 
-static void draw_list(hybrid *h, const far_list *list, hw_frame_stats *stats)
+// Draws the visible records of the list that are cut out, or those that are not, page by page.
+static void draw_list(hybrid *h, const far_list *list, bool cut_out, float share,
+                      hw_frame_stats *stats)
 {
     const uint32_t *visible = h->visible + list->first_visible;
-    if (list->count == 0)
+    const far_program *program =
+        &h->far_programs[cut_out][list->fade == HW_FADE_NONE ? WHOLE : DISSOLVING];
+    uint32_t begin = cut_out ? list->opaque_count : 0;
+    uint32_t end = cut_out ? list->count : list->opaque_count;
+    if (begin == end)
         return;
+    glUseProgram(program->name);
+    set_kept(program->kept, list->fade, share);
     glBindTexture(GL_TEXTURE_2D, list->cell->atlas.name);
     glBindVertexArray(list->cell->array);
-    uint32_t begin = 0;
-    for (uint32_t i = 1; i <= list->count; i++) {
-        if (i < list->count &&
-            visible[i] / HW_FAR_PAGE_RECORDS == visible[begin] / HW_FAR_PAGE_RECORDS)
+    for (uint32_t i = begin + 1; i <= end; i++) {
+        if (i < end && visible[i] / HW_FAR_PAGE_RECORDS == visible[begin] / HW_FAR_PAGE_RECORDS)
             continue;
-        draw_page(h, list, begin, i, stats);
+        draw_page(h, program, list, begin, i, stats);
         begin = i;
     }
 }
 
-// Level by level, near to far; the uniforms of all go up before the first is drawn.
-static void draw_far(hybrid *h, hw_cell_gpu *const *cells, const hw_mat4 *matrix,
+// The far objects of a frame: those of the viewer's cells, and those of other cells that dissolve.
+typedef struct far_lists {
+    far_list lists[2 * HW_CELL_LEVELS_MAX];
+    uint32_t count, pages;
+} far_lists;
+
+static void add_far(hybrid *h, far_lists *out, const hw_cell_gpu *cell, hw_fade fade,
+                    const hw_mat4 *matrix, const hw_frustum *frustum)
+{
+    out->lists[out->count++] = list_far(h, cell, fade, matrix, frustum, out->pages);
+    out->pages += (uint32_t)page_count(cell->records->far_count);
+}
+
+// What is opaque, then what is cut out, which software GL cannot test for depth early; each level
+// by level, near to far. The uniforms of all go up before the first is drawn.
+static void draw_far(hybrid *h, const frame_cells *cells, const hw_mat4 *matrix,
                      const hw_frustum *frustum, hw_frame_stats *stats)
 {
-    far_list lists[HW_CELL_LEVELS_MAX];
-    uint32_t pages = 0, count = 0;
+    far_lists far = {.count = 0};
     for (int32_t l = 0; l < h->manifest.grid.levels; l++) {
-        lists[l] = list_far(h, cells[l], matrix, frustum, pages);
-        pages += (uint32_t)page_count(cells[l]->far_count);
-        count += lists[l].count;
+        bool differ = cells->share > 0 && cells->other[l] != cells->own[l];
+        add_far(h, &far, cells->own[l], differ ? HW_FADE_OUT : HW_FADE_NONE, matrix, frustum);
+        if (differ)
+            add_far(h, &far, cells->other[l], HW_FADE_IN, matrix, frustum);
     }
-    if (count == 0)
+    if (far.pages == 0)
         return;
-    glUseProgram(h->far_program);
     glBindBuffer(GL_UNIFORM_BUFFER, h->far_uniforms.name);
-    glBufferSubData(GL_UNIFORM_BUFFER, 0, (GLsizeiptr)(pages * PAGE_BYTES), h->far);
-    for (int32_t l = 0; l < h->manifest.grid.levels; l++)
-        draw_list(h, &lists[l], stats);
+    glBufferSubData(GL_UNIFORM_BUFFER, 0, (GLsizeiptr)(far.pages * PAGE_BYTES), h->far);
+    for (int cut_out = 0; cut_out < 2; cut_out++)
+        for (uint32_t i = 0; i < far.count; i++)
+            draw_list(h, &far.lists[i], cut_out, cells->share, stats);
 }
 
 // ---- frames ----------------------------------------------------------------------------------
@@ -427,30 +666,78 @@ static void draw_far(hybrid *h, hw_cell_gpu *const *cells, const hw_mat4 *matrix
 typedef struct frame_view {
     hw_mat4 matrix;
     hw_frustum frustum;
-    hw_cell_gpu *cells[HW_CELL_LEVELS_MAX];
+    frame_cells cells;
     uint32_t near_count;
 } frame_view;
+
+// The near objects of the viewer's cell and of the one beyond the border.
+static hw_status choose_all_near(hybrid *h, const hw_camera *camera, hw_frame_stats *stats,
+                                 frame_view *view)
+{
+    const hw_cell_records *own = view->cells.own[0]->records;
+    const hw_cell_records *other = view->cells.share > 0 ? view->cells.other[0]->records : NULL;
+    view->near_count = 0;
+    HW_TRY(choose_near(h, own, other, HW_FADE_OUT, camera, &view->frustum, stats,
+                       &view->near_count));
+    if (!other)
+        return HW_OK;
+    return choose_near(h, other, own, HW_FADE_IN, camera, &view->frustum, stats,
+                       &view->near_count);
+}
+
+static void put_stream_stats(const hybrid *h, const hw_store_stats *before, hw_frame_stats *stats)
+{
+    hw_store_stats s = hw_store_get_stats(h->store);
+    hw_stream_stats *to = &stats->stream;
+    to->queued = s.queued;
+    to->gpu_bytes = s.gpu_bytes;
+    to->gpu_budget = s.gpu_budget;
+    to->ram_bytes = s.ram_bytes;
+    to->ram_budget = s.ram_budget;
+    to->read_bytes = s.read_bytes;
+    to->uploaded_bytes = s.uploaded_bytes;
+    to->waited_ms = (s.slept_s - before->slept_s) * 1000;
+    to->problem_count = s.problem_count;
+    to->problem = s.problem;
+    if (!h->prefetch) {
+        stats->loaded_bytes = s.read_bytes - before->read_bytes;
+        stats->stalls = s.news != before->news;
+    }
+}
 
 // Loads what is missing, and chooses the near objects.
 static hw_status begin_frame(hybrid *h, const hw_camera *camera, hw_frame_stats *stats,
                              frame_view *view)
 {
     double start = hw_clock_ms();
-    h->frame++;
+    hw_store_stats before = hw_store_get_stats(h->store);
+    const hw_camera *culling = hw_debug_culling_camera(&h->debug, camera);
+    hw_mat4 culling_matrix = hw_camera_view_projection(culling);
     view->matrix = hw_camera_view_projection(camera);
-    view->frustum = hw_frustum_make(&view->matrix);
-    hw_status status = find_cells(h, camera, stats, view->cells);
+    view->frustum = hw_frustum_make(&culling_matrix);
+    begin_loading(h, culling);
+    hw_status status = find_cells(h, culling, stats, &view->cells);
     if (status == HW_OK)
-        status = choose_near(h, view->cells[0], camera, &view->frustum, stats, &view->near_count);
+        status = choose_all_near(h, culling, stats, view);
+    put_stream_stats(h, &before, stats);
     if (stats->stalls)
-        stats->load_ms = hw_clock_ms() - start;
+        stats->load_ms = hw_clock_ms() - start + stats->stream.waited_ms;
     return status;
 }
 
 static hw_status hybrid_prepare(void *state, const hw_camera *camera, hw_frame_stats *stats)
 {
+    hybrid *h = state;
     frame_view view;
-    return begin_frame(state, camera, stats, &view);
+    return h->prefetch && h->drawable ? HW_OK : begin_frame(h, camera, stats, &view);
+}
+
+static void hybrid_advance(void *state, double dt_s)
+{
+    hybrid *h = state;
+    h->simulated_s += dt_s;
+    if (h->simulated)
+        hw_store_simulate(h->store, h->simulated_s);
 }
 
 static hw_status hybrid_draw(void *state, const hw_camera *camera, hw_frame_stats *stats)
@@ -461,14 +748,24 @@ static hw_status hybrid_draw(void *state, const hw_camera *camera, hw_frame_stat
     hw_ground_gl_begin();
     hw_ground_gl_draw(&h->ground, &view.matrix, stats);
     hw_gpu_pace_flush(&h->pace);
-    draw_near(h, view.near_count, &view.matrix, stats);
-    draw_far(h, view.cells, &view.matrix, &view.frustum, stats);
+    hw_debug_tint(&h->debug, HW_REPRESENTATION_NEAR);
+    draw_near(h, view.near_count, view.cells.share, &view.matrix, stats);
+    hw_debug_tint(&h->debug, HW_REPRESENTATION_SVMESH);
+    draw_far(h, &view.cells, &view.matrix, &view.frustum, stats);
     glBindVertexArray(0);
     stats->triangles += stats->near_triangles + stats->far_triangles;
     return HW_OK;
 }
 
+static void hybrid_set_debug_view(void *state, const hw_debug_view *view)
+{
+    hybrid *h = state;
+    h->debug = *view;
+}
+
 const hw_renderer_backend hw_draw_hybrid = {.create = hybrid_create,
                                             .destroy = hybrid_destroy,
                                             .prepare = hybrid_prepare,
-                                            .draw = hybrid_draw};
+                                            .draw = hybrid_draw,
+                                            .set_debug_view = hybrid_set_debug_view,
+                                            .advance = hybrid_advance};

@@ -18,6 +18,7 @@ typedef struct lod {
     uint32_t mesh_count;
     lod_mesh *meshes;
     double error_px;
+    hw_debug_view debug;
 } lod;
 
 static void lod_destroy(void *state)
@@ -87,14 +88,17 @@ static hw_status lod_draw(void *state, const hw_camera *camera, hw_frame_stats *
 {
     lod *l = state;
     hw_mat4 matrix = hw_camera_view_projection(camera);
-    hw_frustum frustum = hw_frustum_make(&matrix);
+    const hw_camera *culling = hw_debug_culling_camera(&l->debug, camera);
+    hw_mat4 culling_matrix = hw_camera_view_projection(culling);
+    hw_frustum frustum = hw_frustum_make(&culling_matrix);
     // An error e at distance d covers e * focal / d pixels.
-    double unit = l->error_px / hw_camera_focal_px(camera);
+    double unit = l->error_px / hw_camera_focal_px(culling);
     hw_shaded_pass pass = {0};
     hw_ground_gl_begin();
     hw_ground_gl_draw(&l->scene.ground, &matrix, stats);
     hw_gpu_pace_flush(&pass.pace);
-    uint32_t count = hw_shaded_scene_visible(&l->scene, camera, &frustum);
+    hw_debug_tint(&l->debug, HW_REPRESENTATION_LOD);
+    uint32_t count = hw_shaded_scene_visible(&l->scene, culling, &frustum);
     for (uint32_t i = 0; i < count; i++) {
         hw_cull_item item = l->scene.order[i];
         const hw_shaded_object *object = &l->scene.objects[item.index];
@@ -107,5 +111,13 @@ static hw_status lod_draw(void *state, const hw_camera *camera, hw_frame_stats *
     return HW_OK;
 }
 
-const hw_renderer_backend hw_draw_lod = {
-    .create = lod_create, .destroy = lod_destroy, .draw = lod_draw};
+static void lod_set_debug_view(void *state, const hw_debug_view *view)
+{
+    lod *l = state;
+    l->debug = *view;
+}
+
+const hw_renderer_backend hw_draw_lod = {.create = lod_create,
+                                         .destroy = lod_destroy,
+                                         .draw = lod_draw,
+                                         .set_debug_view = lod_set_debug_view};

@@ -11,7 +11,6 @@
 #define CONSTANT(x)  "#define " #x " " VALUE(x) "\n"
 
 #define PACE_TRIANGLES 10000u // between flushes
-#define BAND_ROWS      32u    // of a texture that is decoded, a multiple of 4
 
 // The constants exist once, in appearance.h. (In GLSL ES the first line would be
 // "#version 300 es\nprecision highp float;".)
@@ -36,7 +35,7 @@ static hw_status compile(const char *name, GLenum stage, const char *defines, co
 {
     bool is_vertex = stage == GL_VERTEX_SHADER;
     const char *parts[] = {version_line, defines ? defines : "", constants,
-                           is_vertex ? hw_shader_shading_glsl : "", source};
+                           is_vertex ? hw_shader_shading_glsl : hw_shader_dissolve_glsl, source};
     GLuint shader = glCreateShader(stage);
     glShaderSource(shader, sizeof parts / sizeof *parts, parts, NULL);
     glCompileShader(shader);
@@ -146,14 +145,10 @@ static hw_status check_size(uint32_t width, uint32_t height)
     return HW_OK;
 }
 
-hw_status hw_gpu_texture_create(hw_gpu_account *account, const hw_image *image, hw_gpu_texture *out)
+// Swizzles are no part of WebGL: gray becomes RGBA.
+void hw_gpu_expand_rgba(const hw_image *image, uint8_t *rgba)
 {
-    *out = (hw_gpu_texture){0};
-    HW_TRY(check_size(image->width, image->height));
-    // Swizzles are no part of WebGL: gray becomes RGBA here.
     size_t pixels = (size_t)image->width * image->height;
-    uint8_t *rgba = NULL;
-    HW_TRY(hw_alloc((void **)&rgba, pixels, 4));
     for (size_t i = 0; i < pixels; i++) {
         const uint8_t *p = image->data + i * image->channels;
         uint32_t step = image->channels >= 3;
@@ -162,41 +157,62 @@ hw_status hw_gpu_texture_create(hw_gpu_account *account, const hw_image *image, 
         rgba[i * 4 + 2] = p[2 * step];
         rgba[i * 4 + 3] = 255;
     }
-    texture_begin(out, GL_REPEAT, GL_LINEAR_MIPMAP_LINEAR);
-    glTexImage2D(GL_TEXTURE_2D, 0, GL_RGBA8, (GLsizei)image->width, (GLsizei)image->height, 0,
-                 GL_RGBA, GL_UNSIGNED_BYTE, rgba);
-    glGenerateMipmap(GL_TEXTURE_2D);
-    hw_free(rgba);
-    return texture_end(account, pixels * 4 * 4 / 3, out);
 }
 
-hw_status hw_gpu_texture_create_bc1(hw_gpu_account *account, const uint8_t *blocks, uint32_t width,
-                                    uint32_t height, hw_gpu_texture *out)
+static hw_status create_repeating(hw_gpu_account *account, uint32_t width, uint32_t height,
+                                  const uint8_t *rgba, hw_gpu_texture *out)
 {
     *out = (hw_gpu_texture){0};
     HW_TRY(check_size(width, height));
-    uint64_t bytes = hw_bc1_bytes(width, height);
-    // Software GL samples RGBA8 faster than it decodes blocks: 5 % of a frame.
-    if (GLAD_GL_EXT_texture_compression_s3tc && !hw_gpu_is_software()) {
-        texture_begin(out, GL_CLAMP_TO_EDGE, GL_LINEAR);
-        glCompressedTexImage2D(GL_TEXTURE_2D, 0, GL_COMPRESSED_RGB_S3TC_DXT1_EXT, (GLsizei)width,
-                               (GLsizei)height, 0, (GLsizei)bytes, blocks);
-        return texture_end(account, bytes, out);
-    }
-    // Decoded in bands, so that the whole image is never there twice.
-    uint8_t *rgba = NULL;
-    HW_TRY(hw_alloc((void **)&rgba, (size_t)width * BAND_ROWS, 4));
-    texture_begin(out, GL_CLAMP_TO_EDGE, GL_LINEAR);
+    texture_begin(out, GL_REPEAT, GL_LINEAR_MIPMAP_LINEAR);
     glTexImage2D(GL_TEXTURE_2D, 0, GL_RGBA8, (GLsizei)width, (GLsizei)height, 0, GL_RGBA,
-                 GL_UNSIGNED_BYTE, NULL);
-    for (uint32_t y = 0; y < height; y += BAND_ROWS) {
-        uint32_t rows = height - y < BAND_ROWS ? height - y : BAND_ROWS;
-        hw_bc1_decode(blocks + hw_bc1_bytes(width, y), width, rows, rgba);
-        glTexSubImage2D(GL_TEXTURE_2D, 0, 0, (GLint)y, (GLsizei)width, (GLsizei)rows, GL_RGBA,
-                        GL_UNSIGNED_BYTE, rgba);
-    }
+                 GL_UNSIGNED_BYTE, rgba);
+    if (rgba)
+        glGenerateMipmap(GL_TEXTURE_2D);
+    return texture_end(account, (uint64_t)width * height * 4 * 4 / 3, out);
+}
+
+hw_status hw_gpu_texture_create(hw_gpu_account *account, const hw_image *image, hw_gpu_texture *out)
+{
+    uint8_t *rgba = NULL;
+    *out = (hw_gpu_texture){0};
+    HW_TRY(hw_alloc((void **)&rgba, (size_t)image->width * image->height, 4));
+    hw_gpu_expand_rgba(image, rgba);
+    hw_status status = create_repeating(account, image->width, image->height, rgba, out);
     hw_free(rgba);
-    bytes = (uint64_t)width * height * 4;
+    return status;
+}
+
+hw_status hw_gpu_texture_create_empty(hw_gpu_account *account, uint32_t width, uint32_t height,
+                                      hw_gpu_texture *out)
+{
+    return create_repeating(account, width, height, NULL, out);
+}
+
+bool hw_gpu_takes_blocks(void)
+{
+    return GLAD_GL_EXT_texture_compression_s3tc && !hw_gpu_is_software();
+}
+
+uint64_t hw_gpu_atlas_bytes(uint32_t width, uint32_t height, bool blocks)
+{
+    return blocks ? hw_bc3_bytes(width, height) : (uint64_t)width * height * 4;
+}
+
+hw_status hw_gpu_atlas_create(hw_gpu_account *account, uint32_t width, uint32_t height,
+                              hw_gpu_texture *out)
+{
+    *out = (hw_gpu_texture){0};
+    HW_TRY(check_size(width, height));
+    bool blocks = hw_gpu_takes_blocks();
+    uint64_t bytes = hw_gpu_atlas_bytes(width, height, blocks);
+    texture_begin(out, GL_CLAMP_TO_EDGE, GL_LINEAR);
+    if (blocks)
+        glCompressedTexImage2D(GL_TEXTURE_2D, 0, GL_COMPRESSED_RGBA_S3TC_DXT5_EXT, (GLsizei)width,
+                               (GLsizei)height, 0, (GLsizei)bytes, NULL);
+    else
+        glTexImage2D(GL_TEXTURE_2D, 0, GL_RGBA8, (GLsizei)width, (GLsizei)height, 0, GL_RGBA,
+                     GL_UNSIGNED_BYTE, NULL);
     return texture_end(account, bytes, out);
 }
 

@@ -41,11 +41,18 @@ typedef struct hw_gpu_texture {
 // Repeating, mip-mapped, trilinear, from an image of 1, 3 or 4 channels; image row 0 becomes v = 0.
 HW_MUST_USE hw_status hw_gpu_texture_create(hw_gpu_account *account, const hw_image *image,
                                             hw_gpu_texture *out);
-// Bilinear, clamped, without mipmaps, from BC1 blocks (sides multiples of 4); row 0 becomes v = 0.
-// Uploaded as it is where the GL has the format in hardware, else as RGBA8.
-HW_MUST_USE hw_status hw_gpu_texture_create_bc1(hw_gpu_account *account, const uint8_t *blocks,
-                                                uint32_t width, uint32_t height,
-                                                hw_gpu_texture *out);
+// The same with contents to come, level 0 first, then the mipmaps.
+HW_MUST_USE hw_status hw_gpu_texture_create_empty(hw_gpu_account *account, uint32_t width,
+                                                  uint32_t height, hw_gpu_texture *out);
+// Bilinear, clamped, without mipmaps, for BC3 blocks (sides multiples of 4), with contents to come;
+// row 0 is v = 0. It takes blocks if hw_gpu_takes_blocks, else RGBA.
+HW_MUST_USE hw_status hw_gpu_atlas_create(hw_gpu_account *account, uint32_t width, uint32_t height,
+                                          hw_gpu_texture *out);
+// Whether atlases are kept as BC3 blocks: in hardware that has the format. Software GL samples RGBA
+// faster than it decodes blocks: 5 % of a frame.
+bool hw_gpu_takes_blocks(void);
+// Bytes of an atlas on the GPU.
+uint64_t hw_gpu_atlas_bytes(uint32_t width, uint32_t height, bool blocks);
 void hw_gpu_texture_destroy(hw_gpu_account *account, hw_gpu_texture *texture);
 
 // Whether GL runs on the processor (llvmpipe, softpipe, swrast).
@@ -59,6 +66,9 @@ typedef struct hw_gpu_pace {
 void hw_gpu_pace_add(hw_gpu_pace *pace, uint32_t triangles);
 // At once (after the clear, which fills the whole target).
 void hw_gpu_pace_flush(hw_gpu_pace *pace);
+
+// Image of 1, 3 or 4 channels into RGBA (alpha 255) of 4 bytes a pixel. No GL.
+void hw_gpu_expand_rgba(const hw_image *image, uint8_t *rgba);
 
 // A byte offset as GL wants it.
 const void *hw_gpu_offset(size_t bytes);

@@ -1,7 +1,10 @@
 #include "hud.h"
 #include "alloc.h"
 #include "gpu.h"
+#include "keys.h"
+#include "minimap.h"
 #include "shaders.h"
+#include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -9,10 +12,11 @@
 // includes it.)
 #include <stb/stb_easy_font.h>
 
-#define QUADS_MAX   8192u // 4 vertices each: indices stay within 16 bits
+#define QUADS_MAX   16384u // 4 vertices each: indices stay within 16 bits
 #define TEXT_MAX    1024u
 #define LINE_HEIGHT 12 // of the font, in its own pixels; glyphs are at most 9 high
 #define PADDING     4
+#define COLUMN_GAP  8
 #define ROWS_MAX    6u // of a text that is wrapped
 
 // As stb_easy_font writes them.
@@ -32,28 +36,6 @@ struct hw_hud {
     char text[TEXT_MAX];
 };
 
-typedef struct help_row {
-    const char *keys, *meaning;
-} help_row;
-
-// What context_glfw.c binds.
-static const help_row help_rows[] = {
-    {"W A S D", "walk; also the arrows up and down"},
-    {"Left, Right", "turn"},
-    {"Mouse", "look around, after a click into the window"},
-    {"Shift", "run"},
-    {"Q, E", "down, up"},
-    {"1 2 3 4", "configuration A full geometry, B with culling,"},
-    {"", "L levels of detail, C the hybrid"},
-    {"Space", "stop the tour, or go on with it"},
-    {"R", "start or end recording a tour"},
-    {"F12", "save a screenshot"},
-    {"H", "hide or show the line of figures"},
-    {"F1", "hide or show this help"},
-    {"Escape", "release the mouse, then quit; also Ctrl-Q"},
-};
-#define HELP_ROWS (sizeof help_rows / sizeof *help_rows)
-
 // ---- The line
 
 // 1234567 -> "1,234,567".
@@ -70,33 +52,79 @@ static void group_thousands(uint64_t value, char out[32])
     out[n] = '\0';
 }
 
+// A text that is added to piece by piece.
+typedef struct writer {
+    char *out;
+    size_t length, capacity; // length is what was written, or would have been
+} writer;
+
+static void put(writer *w, const char *format, ...) HW_PRINTF(2, 3);
+static void put(writer *w, const char *format, ...)
+{
+    size_t at = w->length < w->capacity ? w->length : w->capacity - 1;
+    va_list arguments;
+    va_start(arguments, format);
+    int length = vsnprintf(w->out + at, w->capacity - at, format, arguments);
+    va_end(arguments);
+    w->length += length > 0 ? (size_t)length : 0;
+}
+
+static void put_bytes(writer *w, const char *what, uint64_t bytes, uint64_t budget)
+{
+    put(w, "   %s %.1f", what, (double)bytes / 1e6);
+    if (budget > 0)
+        put(w, " of %.0f", (double)budget / 1e6);
+    put(w, " MB");
+}
+
 size_t hw_hud_format(const hw_hud_info *info, char *out, size_t capacity)
 {
-    char triangles[32], pace[96] = "", recorded[48] = "";
+    writer w = {out, 0, capacity};
+    char triangles[32];
     group_thousands(info->triangles, triangles);
+    put(&w, "%s", info->config);
     if (info->fps > 0)
-        snprintf(pace, sizeof pace, "   %.0f fps   %.1f ms (worst %.1f)", info->fps, info->frame_ms,
-                 info->worst_ms);
+        put(&w, "   %.0f fps   %.1f ms (p99 %.1f)", info->fps, info->frame_ms, info->p99_ms);
+    put(&w, "   cell %d,%d   %s triangles, %u draws", info->cell_q, info->cell_r, triangles,
+        info->draws);
+    put_bytes(&w, "RAM", info->ram_bytes, 0);
+    if (info->waiting_budget_bytes > 0)
+        put_bytes(&w, "waiting", info->waiting_bytes, info->waiting_budget_bytes);
+    put_bytes(&w, "GPU", info->gpu_bytes, info->gpu_budget_bytes);
+    if (info->queue >= 0)
+        put(&w, "   queue %lld", (long long)info->queue);
+    put(&w, "   %.1f MB/s   %llu stalls, %llu late", info->loaded_bytes_s / 1e6,
+        (unsigned long long)info->stalls, (unsigned long long)info->late);
     if (info->recorded_s >= 0)
-        snprintf(recorded, sizeof recorded, "   REC %.1f s", info->recorded_s);
-    int length = snprintf(out, capacity, "%s%s   cell %d,%d   %s triangles, %u draws   %.1f MB%s",
-                          info->config, pace, info->cell_q, info->cell_r, triangles, info->draws,
-                          (double)info->gpu_bytes / 1e6, recorded);
-    if (length < 0)
-        length = 0;
-    return (size_t)length < capacity ? (size_t)length : capacity - 1;
+        put(&w, "   REC %.1f s", info->recorded_s);
+    if (info->views)
+        put(&w, "   [%s]", info->views);
+    return w.length < capacity ? w.length : capacity - 1;
 }
 
 // ---- Layout, in pixels of the window
 
-static void add_rectangle(hw_hud *hud, float x0, float y0, float x1, float y1, uint8_t alpha)
+static const uint8_t white[4] = {255, 255, 255, 255};
+static const uint8_t amber[4] = {255, 214, 130, 255};
+static const uint8_t dark[4] = {16, 20, 28, 150};
+static const uint8_t darker[4] = {16, 20, 28, 200};
+
+void hw_hud_add_quad(hw_hud *hud, const float corners[4][2], const uint8_t color[4])
 {
     if (hud->quad_count == QUADS_MAX)
         return;
     hud_vertex *v = &hud->quads[4 * hud->quad_count++];
-    const float xs[4] = {x0, x1, x1, x0}, ys[4] = {y0, y0, y1, y1};
-    for (int i = 0; i < 4; i++)
-        v[i] = (hud_vertex){xs[i], ys[i], 0, {16, 20, 28, alpha}};
+    for (int i = 0; i < 4; i++) {
+        v[i] = (hud_vertex){corners[i][0], corners[i][1], 0, {0}};
+        memcpy(v[i].color, color, 4);
+    }
+}
+
+static void add_rectangle(hw_hud *hud, float x0, float y0, float x1, float y1,
+                          const uint8_t color[4])
+{
+    const float corners[4][2] = {{x0, y0}, {x1, y0}, {x1, y1}, {x0, y1}};
+    hw_hud_add_quad(hud, corners, color);
 }
 
 // Copies to hud->text what one row of `width` of the font's pixels holds of the text, broken
@@ -141,12 +169,10 @@ static void add_text(hw_hud *hud, float x, float y, float scale, const uint8_t c
     hud->quad_count += (uint32_t)count;
 }
 
-static const uint8_t white[4] = {255, 255, 255, 255};
-static const uint8_t amber[4] = {255, 214, 130, 255};
-
-// Rows of text on a dark panel, from the top of the window or up to its bottom.
-static void add_block(hw_hud *hud, const char *text, bool at_bottom, float scale, uint32_t width,
-                      uint32_t height, const uint8_t color[4])
+// Rows of text on a dark panel, from the top of the window or up to its bottom. Returns the panel's
+// height.
+static float add_block(hw_hud *hud, const char *text, bool at_bottom, float scale, uint32_t width,
+                       uint32_t height, const uint8_t color[4])
 {
     int room = (int)((float)width / scale) - 2 * PADDING;
     int widest = 0, measured;
@@ -162,32 +188,89 @@ static void add_block(hw_hud *hud, const char *text, bool at_bottom, float scale
     }
     float panel = scale * (float)(LINE_HEIGHT * rows + PADDING);
     float y = at_bottom ? (float)height - panel : 0;
-    add_rectangle(hud, 0, y, scale * (float)(widest + 2 * PADDING), y + panel, 150);
+    add_rectangle(hud, 0, y, scale * (float)(widest + 2 * PADDING), y + panel, dark);
     rest = text;
     for (uint32_t row = 0; row < rows; row++) {
         rest += fit_row(hud, rest, room, &measured);
         add_text(hud, PADDING * scale, y + scale * (float)(PADDING + LINE_HEIGHT * row), scale,
                  color);
     }
+    return panel;
 }
 
+// Colours and what they mean, up to the lower right corner.
+static void add_legend(hw_hud *hud, const hw_hud_content *content, uint32_t width, uint32_t height,
+                       float scale)
+{
+    int widest = 0;
+    for (uint32_t i = 0; i < content->legend_count; i++) {
+        snprintf(hud->text, sizeof hud->text, "%s", content->legend[i].text);
+        int w = stb_easy_font_width(hud->text);
+        widest = w > widest ? w : widest;
+    }
+    float w = scale * (float)(LINE_HEIGHT + widest + 2 * PADDING);
+    float h = scale * (float)(LINE_HEIGHT * content->legend_count + PADDING);
+    float x = (float)width - w, y = (float)height - h;
+    add_rectangle(hud, x, y, x + w, y + h, dark);
+    for (uint32_t i = 0; i < content->legend_count; i++) {
+        const hw_hud_legend_row *row = &content->legend[i];
+        float top = y + scale * (float)(PADDING + LINE_HEIGHT * i);
+        uint8_t color[4] = {0, 0, 0, 255};
+        for (int k = 0; k < 3; k++)
+            color[k] = (uint8_t)(row->color[k] * 255 + 0.5f);
+        add_rectangle(hud, x + scale * PADDING, top, x + scale * (PADDING + 8), top + scale * 8,
+                      color);
+        snprintf(hud->text, sizeof hud->text, "%s", row->text);
+        add_text(hud, x + scale * (PADDING + LINE_HEIGHT), top, scale, white);
+    }
+}
+
+// The widest key and meaning of the table, in the font's pixels.
+static void measure_help(float *keys_width, float *meaning_width)
+{
+    int keys = 0, meaning = 0;
+    for (size_t i = 0; i < hw_key_row_count; i++) {
+        char text[64];
+        hw_key_format(&hw_key_rows[i], text, sizeof text);
+        int w = stb_easy_font_width(text);
+        keys = w > keys ? w : keys;
+        snprintf(text, sizeof text, "%s", hw_key_rows[i].meaning);
+        w = stb_easy_font_width(text);
+        meaning = w > meaning ? w : meaning;
+    }
+    *keys_width = (float)keys;
+    *meaning_width = (float)meaning;
+}
+
+static void add_help_row(hw_hud *hud, const hw_key_row *row, float x, float y, float keys_width,
+                         float scale)
+{
+    snprintf(hud->text, sizeof hud->text, "%s", row->meaning);
+    add_text(hud, x + scale * (keys_width + COLUMN_GAP), y, scale, white);
+    hw_key_format(row, hud->text, sizeof hud->text);
+    add_text(hud, x, y, scale, amber);
+}
+
+// All keys in two columns, as large as there is room for; one column where the window is narrow.
 static void add_help(hw_hud *hud, uint32_t width, uint32_t height, float scale)
 {
-    const float columns[2] = {0, 80}, panel_width = 350;
-    float w = scale * (panel_width + 2 * PADDING);
-    float h = scale * (LINE_HEIGHT * HELP_ROWS + 2 * PADDING);
-    float x = floorf(((float)width - w) / 2), y = floorf(((float)height - h) / 2);
-    add_rectangle(hud, x, y, x + w, y + h, 200);
-    for (size_t row = 0; row < HELP_ROWS; row++) {
-        const char *cells[2] = {help_rows[row].keys, help_rows[row].meaning};
-        for (int k = 0; k < 2; k++) {
-            int measured;
-            fit_row(hud, cells[k], (int)(panel_width - columns[k]), &measured);
-            add_text(hud, x + scale * (PADDING + columns[k]),
-                     y + scale * (float)(PADDING + 1 + LINE_HEIGHT * row), scale,
-                     k == 0 ? amber : white);
-        }
+    float keys, meaning, w, h;
+    measure_help(&keys, &meaning);
+    float column = keys + meaning + 3 * COLUMN_GAP;
+    size_t columns = 2, rows;
+    for (;; scale > 1 ? scale-- : columns--) {
+        rows = (hw_key_row_count + columns - 1) / columns;
+        w = scale * ((float)columns * column - 2 * COLUMN_GAP + 2 * PADDING);
+        h = scale * (float)(LINE_HEIGHT * rows + 2 * PADDING);
+        if ((w <= (float)width && h <= (float)height) || (scale <= 1 && columns == 1))
+            break;
     }
+    float x = fmaxf(floorf(((float)width - w) / 2), 0);
+    float y = fmaxf(floorf(((float)height - h) / 2), 0);
+    add_rectangle(hud, x, y, x + w, y + h, darker);
+    for (size_t i = 0; i < hw_key_row_count; i++)
+        add_help_row(hud, &hw_key_rows[i], x + scale * (PADDING + column * (float)(i / rows)),
+                     y + scale * (float)(PADDING + 1 + LINE_HEIGHT * (i % rows)), keys, scale);
 }
 
 // ---- Drawing
@@ -281,11 +364,18 @@ void hw_hud_draw(hw_hud *hud, uint32_t width, uint32_t height, const hw_hud_cont
 {
     // Whole multiples keep the font's pixels even.
     float scale = height >= 1600 ? 3.0f : height >= 600 && width >= 760 ? 2.0f : 1.0f;
+    float below = 0;
     hud->quad_count = 0;
     if (content->line)
-        add_block(hud, content->line, false, scale, width, height, white);
+        below = add_block(hud, content->line, false, scale, width, height, white);
     if (content->message)
         add_block(hud, content->message, true, scale, width, height, amber);
+    if (content->legend_count > 0)
+        add_legend(hud, content, width, height, scale);
+    if (content->map) {
+        float side = floorf(0.4f * (float)(width < height ? width : height));
+        hw_minimap_draw(hud, content->map, (float)width - side, below, side);
+    }
     if (content->help)
         add_help(hud, width, height, scale);
     if (hud->quad_count > 0)

@@ -6,26 +6,45 @@
 #include <stddef.h>
 #include <stdint.h>
 
-// The figures of the line.
+// The figures of the line. A budget of 0 is not shown.
 typedef struct hw_hud_info {
-    const char *config;             // "C hybrid"
-    double fps, frame_ms, worst_ms; // fps 0: not known yet
-    int32_t cell_q, cell_r;         // the view cell of the eye
-    uint64_t triangles;             // sent to GL for this frame
-    uint32_t draws;                 // draw calls
-    uint64_t gpu_bytes;             // of the configuration's buffers and textures
-    double recorded_s;              // length of the recording; < 0: none
+    const char *config;                           // "C hybrid"
+    double fps, frame_ms, p99_ms;                 // fps 0: not known yet
+    int32_t cell_q, cell_r;                       // the view cell of the eye
+    uint64_t triangles;                           // sent to GL for this frame
+    uint32_t draws;                               // draw calls
+    uint64_t ram_bytes;                           // resident memory of the process
+    uint64_t waiting_bytes, waiting_budget_bytes; // data on their way to the GPU
+    uint64_t gpu_bytes, gpu_budget_bytes;         // of the configuration's buffers and textures
+    int64_t queue;         // pieces wished for and under way; < 0: nothing is ever queued
+    double loaded_bytes_s; // loaded per second
+    uint64_t stalls, late; // frames so far that waited for data, or did without
+    double recorded_s;     // length of the recording; < 0: none
+    const char *views;     // what is switched on: "wireframe, culling frozen"; NULL: nothing
 } hw_hud_info;
 
 // The line as text, cut to capacity - 1 bytes (capacity > 0). Returns its length.
 size_t hw_hud_format(const hw_hud_info *info, char *out, size_t capacity);
 
-// What to show; NULL and false: nothing. Text is wrapped at the window's right edge, into a few
+// What a colour means.
+typedef struct hw_hud_legend_row {
+    float color[3];
+    char text[24];
+} hw_hud_legend_row;
+
+#define HW_HUD_LEGEND_MAX 8u
+
+typedef struct hw_minimap hw_minimap;
+
+// What to show; NULL, 0 and false: nothing. Text is wrapped at the window's right edge, into a few
 // rows at most; what is not printable ASCII becomes '?'.
 typedef struct hw_hud_content {
-    const char *line;    // top left
-    const char *message; // bottom left
-    bool help;           // the keys, in the middle
+    const char *line;                // top left
+    const char *message;             // bottom left
+    const hw_minimap *map;           // top right, below the line
+    const hw_hud_legend_row *legend; // bottom right
+    uint32_t legend_count;           // <= HW_HUD_LEGEND_MAX
+    bool help;                       // the keys, in the middle
 } hw_hud_content;
 
 typedef struct hw_hud hw_hud;

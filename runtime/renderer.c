@@ -7,6 +7,7 @@ struct hw_renderer {
     const hw_renderer_backend *backend;
     void *state;
     hw_gpu_account account;
+    hw_debug_view debug;
 };
 
 static const struct {
@@ -63,11 +64,25 @@ hw_status hw_renderer_prepare(hw_renderer *renderer, const hw_camera *camera, hw
 hw_status hw_renderer_draw(hw_renderer *renderer, const hw_camera *camera, hw_frame_stats *stats)
 {
     hw_frame_stats own = {0};
+    hw_debug_begin(&renderer->debug);
     hw_status status = renderer->backend->draw(renderer->state, camera, &own);
+    hw_debug_end(&renderer->debug);
     if (stats)
         *stats = own;
     HW_TRY(status);
     return hw_gpu_check("drawing a frame");
+}
+
+void hw_renderer_set_debug_view(hw_renderer *renderer, const hw_debug_view *view)
+{
+    renderer->debug = *view;
+    renderer->backend->set_debug_view(renderer->state, view);
+}
+
+void hw_renderer_advance(hw_renderer *renderer, double dt_s)
+{
+    if (renderer->backend->advance)
+        renderer->backend->advance(renderer->state, dt_s);
 }
 
 uint64_t hw_renderer_gpu_bytes(const hw_renderer *renderer)

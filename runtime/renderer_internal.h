@@ -10,6 +10,9 @@ typedef struct hw_renderer_backend {
     // As in renderer.h; *stats comes zeroed. prepare may be NULL.
     hw_status (*prepare)(void *state, const hw_camera *camera, hw_frame_stats *stats);
     hw_status (*draw)(void *state, const hw_camera *camera, hw_frame_stats *stats);
+    // The backend keeps a copy, for hw_debug_tint and hw_debug_culling_camera.
+    void (*set_debug_view)(void *state, const hw_debug_view *view);
+    void (*advance)(void *state, double dt_s); // may be NULL
 } hw_renderer_backend;
 
 extern const hw_renderer_backend hw_draw_all, hw_draw_culled, hw_draw_lod, hw_draw_hybrid;

@@ -100,15 +100,31 @@ void hw_target_resolve(hw_target *target)
     glBindFramebuffer(GL_FRAMEBUFFER, target->draw_framebuffer);
 }
 
+// For reading.
+static void bind_resolved(hw_target *target)
+{
+    hw_target_resolve(target);
+    bool resolved = target->samples > 1;
+    glBindFramebuffer(GL_READ_FRAMEBUFFER,
+                      resolved ? target->read_framebuffer : target->draw_framebuffer);
+}
+
+void hw_target_copy(hw_target *target, uint32_t texture)
+{
+    bind_resolved(target);
+    glBindTexture(GL_TEXTURE_2D, texture);
+    glCopyTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, 0, 0, (GLsizei)target->width,
+                        (GLsizei)target->height);
+    glBindTexture(GL_TEXTURE_2D, 0);
+    glBindFramebuffer(GL_FRAMEBUFFER, target->draw_framebuffer);
+}
+
 hw_status hw_target_read(hw_target *target, hw_image *out)
 {
     if (!out->data)
         HW_TRY(hw_image_make(out, target->width, target->height, 4));
     assert(out->width == target->width && out->height == target->height && out->channels == 4);
-    hw_target_resolve(target);
-    bool resolved = target->samples > 1;
-    glBindFramebuffer(GL_READ_FRAMEBUFFER,
-                      resolved ? target->read_framebuffer : target->draw_framebuffer);
+    bind_resolved(target);
     glPixelStorei(GL_PACK_ALIGNMENT, 1);
     glReadPixels(0, 0, (GLsizei)target->width, (GLsizei)target->height, GL_RGBA, GL_UNSIGNED_BYTE,
                  out->data);

@@ -14,3 +14,5 @@ void hw_target_resolve(hw_target *target);
 // Reads the resolved pixels, RGBA, top row first; *out is allocated if its data is NULL, else it
 // has the target's size. Alpha 255 = object.
 HW_MUST_USE hw_status hw_target_read(hw_target *target, hw_image *out);
+// Copies the resolved pixels into a GL texture (its name; RGBA8, of the target's size).
+void hw_target_copy(hw_target *target, uint32_t texture);

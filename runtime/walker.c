@@ -6,6 +6,11 @@
 // A recording of this length needs no memory on a frame's path; a longer one doubles now and then.
 #define RECORD_RESERVE_S 600.0
 
+// Far shorter than the visitor is wide: nothing is stepped over.
+#define COLLISION_STEP (HW_WALKER_RADIUS / 6)
+#define PUSHES_MAX     8
+#define PUSH_MARGIN    1e-6
+
 static double clamp(double v, double low, double high)
 {
     return v < low ? low : v > high ? high : v;
@@ -384,38 +389,118 @@ static hw_status record(hw_walker *w, const hw_tour_frame *before, double dt_s)
 
 // ---- Motion
 
+// How deep the visitor is in an obstacle; see hw_obstacles_touch.
+static double touch(const hw_walker *w, double away[2])
+{
+    const hw_body body = {w->x, w->y, w->z - HW_WALKER_BODY_BELOW, w->z + HW_WALKER_BODY_ABOVE,
+                          HW_WALKER_RADIUS};
+    return hw_obstacles_touch(w->obstacles, &body, away);
+}
+
+double hw_walker_overlap(const hw_walker *walker)
+{
+    return walker->obstacles ? touch(walker, NULL) : 0;
+}
+
+// One short level step, pushed out of what it runs into: so it slides. Where there is no way out
+// the walker stays where it was, unless it was inside of something already.
+static void step_level(hw_walker *w, double dx, double dy)
+{
+    const double x = w->x, y = w->y;
+    double away[2], before = touch(w, NULL), depth = 0;
+    w->x += dx;
+    w->y += dy;
+    keep_inside(w);
+    if (before >= HW_WALKER_RADIUS)
+        return;
+    for (int i = 0; i < PUSHES_MAX && (depth = touch(w, away)) > 0; i++) {
+        w->x += away[0] * (depth + PUSH_MARGIN);
+        w->y += away[1] * (depth + PUSH_MARGIN);
+        keep_inside(w);
+    }
+    // Round a pillar the way gets a little longer; what jumps has been squeezed out somewhere.
+    double moved = hypot(w->x - x, w->y - y), allowed = 1.25 * hypot(dx, dy) + before;
+    if ((depth > 0 && touch(w, NULL) > 0) || moved > allowed) {
+        w->x = before > 0 ? x + dx : x;
+        w->y = before > 0 ? y + dy : y;
+        keep_inside(w);
+    }
+}
+
+static void step_upright(hw_walker *w, double dz)
+{
+    const double z = w->z, before = touch(w, NULL);
+    w->z += dz;
+    keep_inside(w);
+    if (touch(w, NULL) > before)
+        w->z = z;
+}
+
+static void move(hw_walker *w, const double way[3])
+{
+    if (!w->obstacles) {
+        w->x += way[0];
+        w->y += way[1];
+        w->z += way[2];
+        keep_inside(w);
+        return;
+    }
+    double length = fmax(hypot(way[0], way[1]), fabs(way[2]));
+    int steps = (int)ceil(length / COLLISION_STEP);
+    for (int i = 0; i < steps; i++) {
+        step_level(w, way[0] / steps, way[1] / steps);
+        if (way[2] != 0)
+            step_upright(w, way[2] / steps);
+    }
+}
+
 static bool wants_to_move(const hw_input *in)
 {
-    static const hw_key keys[] = {HW_KEY_FORWARD, HW_KEY_BACK, HW_KEY_LEFT,      HW_KEY_RIGHT,
-                                  HW_KEY_UP,      HW_KEY_DOWN, HW_KEY_TURN_LEFT, HW_KEY_TURN_RIGHT};
+    static const hw_key keys[] = {
+        HW_KEY_FORWARD, HW_KEY_BACK,      HW_KEY_LEFT,    HW_KEY_RIGHT,     HW_KEY_UP,
+        HW_KEY_DOWN,    HW_KEY_TURN_LEFT, HW_KEY_LOOK_UP, HW_KEY_LOOK_DOWN, HW_KEY_TURN_RIGHT};
     for (size_t i = 0; i < sizeof keys / sizeof *keys; i++)
         if (in->down[keys[i]])
             return true;
-    return in->mouse_dx != 0 || in->mouse_dy != 0;
+    return in->mouse_dx != 0 || in->mouse_dy != 0 || in->ahead != 0 || in->right != 0 ||
+           in->up != 0 || in->turn != 0 || in->pitch != 0;
+}
+
+// Two keys that go against each other, and a stick that adds to them.
+static double axis(const hw_input *in, hw_key more, hw_key less, double stick)
+{
+    return clamp(in->down[more] - in->down[less] + stick, -1, 1);
+}
+
+// Turns, and returns the middle heading of the turn: walking along it makes a curve independent of
+// the frame rate, but for the square of the step.
+static double look(hw_walker *w, const hw_input *in, double dt_s)
+{
+    double rate = HW_WALKER_TURN_RAD * dt_s;
+    double turn = axis(in, HW_KEY_TURN_LEFT, HW_KEY_TURN_RIGHT, -in->turn) * rate -
+                  in->mouse_dx * HW_WALKER_MOUSE_RAD;
+    double tilt = axis(in, HW_KEY_LOOK_UP, HW_KEY_LOOK_DOWN, in->pitch) * rate -
+                  in->mouse_dy * HW_WALKER_MOUSE_RAD;
+    double middle = w->heading_rad + turn / 2;
+    w->heading_rad = remainder(w->heading_rad + turn, 2 * HW_PI);
+    w->pitch_rad = clamp(w->pitch_rad + tilt, -HW_WALKER_PITCH_RAD, HW_WALKER_PITCH_RAD);
+    return middle;
 }
 
 static void walk(hw_walker *w, const hw_input *in, double dt_s)
 {
-    const bool *down = in->down;
-    double turn = (down[HW_KEY_TURN_LEFT] - down[HW_KEY_TURN_RIGHT]) * HW_WALKER_TURN_RAD * dt_s -
-                  in->mouse_dx * HW_WALKER_MOUSE_RAD;
-    // Walking along the middle heading makes a curve independent of the frame rate, but for the
-    // square of the step.
-    double middle = w->heading_rad + turn / 2;
-    w->heading_rad = remainder(w->heading_rad + turn, 2 * HW_PI);
-    w->pitch_rad = clamp(w->pitch_rad - in->mouse_dy * HW_WALKER_MOUSE_RAD, -HW_WALKER_PITCH_RAD,
-                         HW_WALKER_PITCH_RAD);
-    double ahead = down[HW_KEY_FORWARD] - down[HW_KEY_BACK];
-    double right = down[HW_KEY_RIGHT] - down[HW_KEY_LEFT];
-    double up = down[HW_KEY_UP] - down[HW_KEY_DOWN];
+    double middle = look(w, in, dt_s);
+    double ahead = axis(in, HW_KEY_FORWARD, HW_KEY_BACK, in->ahead);
+    double right = axis(in, HW_KEY_RIGHT, HW_KEY_LEFT, in->right);
+    double up = axis(in, HW_KEY_UP, HW_KEY_DOWN, in->up);
     double length = sqrt(ahead * ahead + right * right + up * up);
     if (length == 0)
         return;
-    double step = (down[HW_KEY_RUN] ? HW_WALKER_RUN_SPEED : HW_WALKER_SPEED) * dt_s / length;
-    w->x += step * (ahead * cos(middle) + right * sin(middle));
-    w->y += step * (ahead * sin(middle) - right * cos(middle));
-    w->z += step * up;
-    keep_inside(w);
+    double speed = in->down[HW_KEY_RUN] ? HW_WALKER_RUN_SPEED : HW_WALKER_SPEED;
+    double step = speed * dt_s / fmax(length, 1);
+    const double way[3] = {step * (ahead * cos(middle) + right * sin(middle)),
+                           step * (ahead * sin(middle) - right * cos(middle)), step * up};
+    move(w, way);
 }
 
 hw_status hw_walker_update(hw_walker *walker, const hw_input *input, double dt_s)

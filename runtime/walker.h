@@ -5,6 +5,7 @@
 #include "camera.h"
 #include "context.h"
 #include "hexgrid.h"
+#include "obstacles.h"
 #include "status.h"
 #include "tour.h"
 
@@ -17,12 +18,19 @@
 #define HW_WALKER_STEP_MAX_S  0.25 // a longer frame moves a walker no farther than this one would
 #define HW_WALKER_RECORD_RATE 60.0 // frames per second of a recorded tour
 #define HW_WALKER_FOV_DEGREES 60.0
+// The visitor's body: a cylinder round the eye that leaves out what lies on the ground.
+#define HW_WALKER_RADIUS     (HW_WALKER_EYE_HEIGHT / 4)
+#define HW_WALKER_BODY_BELOW (HW_WALKER_EYE_HEIGHT * 5 / 6) // the eye
+#define HW_WALKER_BODY_ABOVE (HW_WALKER_EYE_HEIGHT / 12)
 
 typedef struct hw_walker {
     hw_hexgrid grid;               // where the eye is kept
     double x, y, z;                // the eye
     double heading_rad, pitch_rad; // heading 0 looks along +x, pi/2 along +y
     double fov_degrees;            // vertical
+    // What stands in the way: borrowed, NULL if nothing does. A walker that is inside of something
+    // all the same walks out freely.
+    const hw_obstacles *obstacles;
     // Playback. The tour is borrowed; NULL if there is none.
     const hw_tour *tour;
     double tour_s; // on the tour's own clock
@@ -60,9 +68,12 @@ HW_MUST_USE hw_status hw_walker_record(hw_walker *walker);
 // Ends it and hands over the frames, one every 1/60 second; *out is freed with hw_tour_free.
 void hw_walker_take_recorded(hw_walker *walker, hw_tour *out);
 
-// Advances by dt_s >= 0 seconds. Fails only while recording, for want of memory; the recording so
-// far is then still there.
+// Advances by dt_s >= 0 seconds. Walking slides along obstacles and along the grid's border, and
+// goes through neither at any speed. Fails only while recording, for want of memory; the recording
+// so far is then still there.
 HW_MUST_USE hw_status hw_walker_update(hw_walker *walker, const hw_input *input, double dt_s);
 // The present view as a tour frame (t = 0), and as a camera.
 hw_tour_frame hw_walker_view(const hw_walker *walker);
 hw_camera hw_walker_camera(const hw_walker *walker, uint32_t width, uint32_t height);
+// How deep the visitor is inside of an obstacle (hw_obstacles_touch): 0 is clear, also without any.
+double hw_walker_overlap(const hw_walker *walker);

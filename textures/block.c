@@ -67,19 +67,98 @@ static void block_palette(const uint8_t *block, uint8_t palette[4][3])
     }
 }
 
+// Four rows of four pixels of RGBA, alpha 255; the rows are `pitch` bytes apart.
+static void decode_colors(const uint8_t *block, size_t pitch, uint8_t *rgba)
+{
+    uint8_t palette[4][3];
+    block_palette(block, palette);
+    for (uint32_t i = 0; i < 16; i++) {
+        uint32_t code = block[4 + i / 4] >> (i % 4 * 2) & 3;
+        uint8_t *p = rgba + i / 4 * pitch + (size_t)(i % 4) * 4;
+        memcpy(p, palette[code], 3);
+        p[3] = 255;
+    }
+}
+
 void hw_bc1_decode(const uint8_t *blocks, uint32_t width, uint32_t height, uint8_t *rgba)
 {
     assert(width % 4 == 0 && height % 4 == 0);
-    for (uint32_t y = 0; y < height; y += 4) {
-        for (uint32_t x = 0; x < width; x += 4, blocks += BLOCK_BYTES) {
-            uint8_t palette[4][3];
-            block_palette(blocks, palette);
+    for (uint32_t y = 0; y < height; y += 4)
+        for (uint32_t x = 0; x < width; x += 4, blocks += BLOCK_BYTES)
+            decode_colors(blocks, (size_t)width * 4, rgba + ((size_t)y * width + x) * 4);
+}
+
+void hw_bc4_encode(const hw_image *image, uint32_t channel, uint8_t *out)
+{
+    assert(channel < image->channels && image->width % 4 == 0 && image->height % 4 == 0);
+    uint8_t values[16];
+    for (uint32_t y = 0; y < image->height; y += 4) {
+        for (uint32_t x = 0; x < image->width; x += 4, out += BLOCK_BYTES) {
             for (uint32_t i = 0; i < 16; i++) {
-                uint32_t code = blocks[4 + i / 4] >> (i % 4 * 2) & 3;
-                uint8_t *p = rgba + ((size_t)(y + i / 4) * width + x + i % 4) * 4;
-                memcpy(p, palette[code], 3);
-                p[3] = 255;
+                size_t pixel = (size_t)(y + i / 4) * image->width + x + i % 4;
+                values[i] = image->data[pixel * image->channels + channel];
             }
+            stb_compress_bc4_block(out, values);
         }
     }
+}
+
+// The eight values of a block (EXT_texture_compression_rgtc, red): v0 > v1 gives sixths in between,
+// else fifths, 0 and 255.
+static void block_values(const uint8_t *block, uint8_t values[8])
+{
+    uint32_t v0 = block[0], v1 = block[1], steps = v0 > v1 ? 7 : 5;
+    values[0] = block[0];
+    values[1] = block[1];
+    values[6] = 0;
+    values[7] = 255;
+    for (uint32_t k = 1; k < steps; k++)
+        values[k + 1] = (uint8_t)((v0 * (steps - k) + v1 * k + steps / 2) / steps);
+}
+
+// Four rows of four values, `stride` bytes apart, the rows `pitch` bytes.
+static void decode_values(const uint8_t *block, size_t stride, size_t pitch, uint8_t *out)
+{
+    uint8_t values[8];
+    uint64_t codes = 0;
+    block_values(block, values);
+    for (uint32_t i = 0; i < 6; i++)
+        codes |= (uint64_t)block[2 + i] << (8 * i);
+    for (uint32_t i = 0; i < 16; i++, codes >>= 3)
+        out[i / 4 * pitch + i % 4 * stride] = values[codes & 7];
+}
+
+void hw_bc4_decode(const uint8_t *blocks, uint32_t width, uint32_t height, uint32_t stride,
+                   uint8_t *out)
+{
+    assert(width % 4 == 0 && height % 4 == 0);
+    for (uint32_t y = 0; y < height; y += 4)
+        for (uint32_t x = 0; x < width; x += 4, blocks += BLOCK_BYTES)
+            decode_values(blocks, stride, (size_t)width * stride,
+                          out + ((size_t)y * width + x) * stride);
+}
+
+size_t hw_bc3_bytes(uint32_t width, uint32_t height)
+{
+    return 2 * hw_bc1_bytes(width, height);
+}
+
+void hw_bc3_join(const uint8_t *bc1, const uint8_t *bc4, size_t bytes, uint8_t *out)
+{
+    for (size_t i = 0; 2 * i < bytes; i += BLOCK_BYTES) {
+        memcpy(out + 2 * i, bc4 + i, BLOCK_BYTES);
+        memcpy(out + 2 * i + BLOCK_BYTES, bc1 + i, BLOCK_BYTES);
+    }
+}
+
+void hw_bc3_decode(const uint8_t *blocks, uint32_t width, uint32_t height, uint8_t *rgba)
+{
+    assert(width % 4 == 0 && height % 4 == 0);
+    size_t pitch = (size_t)width * 4;
+    for (uint32_t y = 0; y < height; y += 4)
+        for (uint32_t x = 0; x < width; x += 4, blocks += 2 * BLOCK_BYTES) {
+            uint8_t *out = rgba + y * pitch + (size_t)x * 4;
+            decode_colors(blocks + BLOCK_BYTES, pitch, out);
+            decode_values(blocks, 4, pitch, out + 3);
+        }
 }

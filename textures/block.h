@@ -1,5 +1,6 @@
-// BC1 (DXT1) block compression: 4x4 pixels in 8 bytes, opaque. Encoding by stb_dxt; decoding is
-// ours (no library has it in C).
+// Block compression, 4x4 pixels in 8 bytes: BC1 (DXT1) for opaque colours, BC4 for one channel. A
+// BC4 block followed by a BC1 block is a BC3 (DXT5) block. Encoding by stb_dxt; decoding is ours
+// (no library has it in C).
 #pragma once
 #include "image.h"
 
@@ -10,3 +11,15 @@ void hw_bc1_encode(const hw_image *image, uint8_t *out);
 // Into RGBA (alpha 255) of width * height * 4 bytes, bit-exact with the reference decoder of the
 // format.
 void hw_bc1_decode(const uint8_t *blocks, uint32_t width, uint32_t height, uint8_t *rgba);
+
+// As many bytes as BC1. `channel` of the image is encoded.
+void hw_bc4_encode(const hw_image *image, uint32_t channel, uint8_t *out);
+// Pixel i, row by row, becomes out[i * stride], within 1 of the exact interpolation.
+void hw_bc4_decode(const uint8_t *blocks, uint32_t width, uint32_t height, uint32_t stride,
+                   uint8_t *out);
+
+size_t hw_bc3_bytes(uint32_t width, uint32_t height); // sides are multiples of 4
+// `bytes` of BC3 out of half as many each of BC1 and of BC4, the alpha.
+void hw_bc3_join(const uint8_t *bc1, const uint8_t *bc4, size_t bytes, uint8_t *out);
+// Into RGBA of width * height * 4 bytes.
+void hw_bc3_decode(const uint8_t *blocks, uint32_t width, uint32_t height, uint8_t *rgba);

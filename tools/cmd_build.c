@@ -12,7 +12,7 @@ static const char *output, *json_file, *policy = "screen", *shard, *along, *heig
 static uint64_t threads, memory, levels = 1, texture_side = 1024, every = 1;
 static hw_tour tour; // of --along
 static double cell_size = 50, self_occlusion, edge_length = 4.5, near_error = 0.3,
-              cluster_error = 10, outline_error = 0.09, interior_error = 5;
+              outline_error = 0.09, interior_error = 5, impostor = 1, cluster_error = 10;
 static atomic_bool stop;
 
 static uint32_t options(hw_option *out, uint32_t capacity)
@@ -35,6 +35,9 @@ static uint32_t options(hw_option *out, uint32_t capacity)
          "mean outline deviation of far objects (policy screen)"},
         {"interior-error", 0, HW_OPTION_DOUBLE, &interior_error, "PX", NULL, 0, 100,
          "parallax error inside outlines (policy screen)"},
+        {"impostor", 0, HW_OPTION_DOUBLE, &impostor, "PX", NULL, 0, 100,
+         "objects with a smaller self-occluding error are drawn as textured rectangles, cut out "
+         "along their outlines; 0 means none"},
         {"near-error", 0, HW_OPTION_DOUBLE, &near_error, "PX", NULL, 0, 100,
          "surface error (99th percentile) of near objects"},
         {"texture-side", 0, HW_OPTION_UINT, &texture_side, "TEXELS", NULL, 16, 4096,
@@ -113,6 +116,7 @@ static hw_status read_options(const char *scene, hw_build_options *o)
     o->far.edge_length_px = edge_length;
     o->far.outline_px = outline_error;
     o->far.interior_px = interior_error;
+    o->far.impostor_px = impostor;
     o->far.capture_side_max = (uint32_t)texture_side;
     if (self_occlusion > 0)
         o->far.self_occlusion_px = self_occlusion;

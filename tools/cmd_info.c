@@ -215,6 +215,7 @@ static void add_far_rows(cJSON *json, const hw_cell *cell)
         cJSON_AddItemToArray(rows, row);
         add_integer(row, "object", far->object_idx);
         add_integer(row, "face", far->face);
+        cJSON_AddBoolToObject(row, "cut_out", far->cut_out);
         hw_json_add_number(row, "distance", floor((double)hw_v3_length(away)));
         add_integer(row, "triangles", far->index_count / 3);
         add_integer(row, "vertices", far->vertex_count);

@@ -17,14 +17,15 @@
 extern char **environ;
 
 #define FRAMES_WANTED  48 // where --every is not given
-#define ARGUMENTS_MAX  24
+#define ARGUMENTS_MAX  32
 #define CHILD_TEXT_MAX 64
 
 static struct {
     const char *tour, *configs, *output, *samples, *scene, *json;
     uint32_t size[2];
-    uint64_t every, reference_samples, repeat;
+    uint64_t every, reference_samples, repeat, bandwidth, gpu_budget, ram_budget;
     double lod_error;
+    bool streaming;
 } options = {.configs = "A,B,L,C",
              .samples = "1",
              .size = {1024, 1024},
@@ -55,6 +56,16 @@ static uint32_t fill_options(hw_option *out, uint32_t capacity)
          "The original scene, if it has moved since the build."},
         {"repeat", 0, HW_OPTION_UINT, &options.repeat, "N", NULL, 1, 99,
          "Rounds whose median is a frame's time."},
+        {"streaming", 0, HW_OPTION_FLAG, &options.streaming, NULL, NULL, 0, 0,
+         "Also play the tour at its own time by a simulated clock, and tell how the hybrid gets "
+         "its "
+         "data: without prefetching, with it from a cold and from a warm cache."},
+        {"bandwidth", 0, HW_OPTION_BYTES, &options.bandwidth, "BYTES", NULL, 0, 0,
+         "With --streaming: once more reading at most so many bytes a second, 5M for instance."},
+        {"gpu-budget", 0, HW_OPTION_BYTES, &options.gpu_budget, "BYTES", NULL, 0, 0,
+         "With --streaming: memory for the dataset's data on the GPU; 0: 32 MiB."},
+        {"ram-budget", 0, HW_OPTION_BYTES, &options.ram_budget, "BYTES", NULL, 0, 0,
+         "With --streaming: memory for data on their way to the GPU; 0: 10 MiB."},
         {"json", 0, HW_OPTION_STRING, &options.json, "FILE", NULL, 0, 0,
          "Write report.json to this file as well."},
     };
@@ -90,6 +101,8 @@ static hw_status check_usage(hw_report *report)
         return hw_fail(HW_USAGE, "measure needs --tour");
     if (!options.output)
         return hw_fail(HW_USAGE, "measure needs -o DIR");
+    if (options.bandwidth && !options.streaming)
+        return hw_fail(HW_USAGE, "--bandwidth is for measure --streaming");
     return parse_configs(report);
 }
 
@@ -186,13 +199,16 @@ static hw_status fill_facts(hw_report *r, const char *dataset, const hw_manifest
 
 typedef struct child_text {
     char every[CHILD_TEXT_MAX], size[CHILD_TEXT_MAX], lod_error[CHILD_TEXT_MAX];
+    char gpu[CHILD_TEXT_MAX], ram[CHILD_TEXT_MAX];
 } child_text;
 
 // `render DATASET ...` for one configuration; the strings live in `text` and in `options`.
 static void fill_arguments(const char *arguments[ARGUMENTS_MAX], child_text *text,
-                           const hw_report *r, hw_config config, const char *json)
+                           const hw_report *r, hw_config config, bool prefetch, const char *json)
 {
-    snprintf(text->every, sizeof text->every, "%u", r->every);
+    snprintf(text->every, sizeof text->every, "%u", prefetch ? 1 : r->every);
+    snprintf(text->gpu, sizeof text->gpu, "%llu", (unsigned long long)options.gpu_budget);
+    snprintf(text->ram, sizeof text->ram, "%llu", (unsigned long long)options.ram_budget);
     snprintf(text->size, sizeof text->size, "%ux%u", r->width, r->height);
     snprintf(text->lod_error, sizeof text->lod_error, "%.9g", r->lod_error_px);
     const char *const list[] = {
@@ -213,6 +229,12 @@ static void fill_arguments(const char *arguments[ARGUMENTS_MAX], child_text *tex
         text->lod_error,
         "--json",
         json,
+        "--prefetch",
+        prefetch ? "on" : "off",
+        "--gpu-budget",
+        text->gpu,
+        "--ram-budget",
+        text->ram,
         "--no-images",
         "--quiet",
     };
@@ -253,7 +275,8 @@ static hw_status run_self(const char *const *arguments)
     return HW_OK;
 }
 
-static hw_status measure_memory_of(hw_report *r, hw_report_config *c)
+static hw_status measure_memory_of(const hw_report *r, hw_config config, bool prefetch,
+                                   uint64_t *out)
 {
     const char *arguments[ARGUMENTS_MAX];
     child_text text;
@@ -261,13 +284,13 @@ static hw_status measure_memory_of(hw_report *r, hw_report_config *c)
     cJSON *json = NULL;
     double bytes = 0;
     hw_status status = HW_OK;
-    snprintf(name, sizeof name, "memory_%s.json.tmp", hw_config_name(c->config));
+    snprintf(name, sizeof name, "memory_%s.json.tmp", hw_config_name(config));
     HW_GO(hw_path_join(&path, options.output, name));
-    fill_arguments(arguments, &text, r, c->config, path);
+    fill_arguments(arguments, &text, r, config, prefetch, path);
     HW_GO(run_self(arguments));
     HW_GO(hw_json_read(path, &json));
     HW_GO(hw_json_number(path, json, "rss_bytes_peak", &bytes));
-    c->rss_bytes_peak = bytes > 0 ? (uint64_t)bytes : 0;
+    *out = bytes > 0 ? (uint64_t)bytes : 0;
 out:
     if (path)
         (void)unlink(path);
@@ -276,22 +299,30 @@ out:
     return status;
 }
 
-// A configuration whose memory cannot be told is a note, not a failure: all else can.
-static hw_status measure_memory(hw_report *r)
+// Memory that cannot be told is a note, not a failure: all else can.
+static hw_status try_memory_of(hw_report *r, hw_config config, bool prefetch, uint64_t *out)
+{
+    hw_status status = measure_memory_of(r, config, prefetch, out);
+    if (status == HW_OK || status == HW_MEMORY)
+        return status;
+    return hw_report_note(r, "The process memory of configuration %s%s is unknown: %s.",
+                          hw_config_name(config), prefetch ? " with prefetching" : "",
+                          hw_error_text());
+}
+
+static hw_status measure_memory(hw_report *r, uint64_t *streaming)
 {
     hw_progress *progress = NULL;
     hw_status status = HW_OK;
-    HW_GO(hw_progress_create(&progress, "memory", r->config_count));
+    HW_GO(hw_progress_create(&progress, "memory", r->config_count + options.streaming));
     for (uint32_t c = 0; c < r->config_count; c++) {
-        status = measure_memory_of(r, &r->configs[c]);
-        if (status == HW_MEMORY)
-            goto out;
-        if (status != HW_OK)
-            HW_GO(hw_report_note(r, "The process memory of configuration %s is unknown: %s.",
-                                 hw_config_name(r->configs[c].config), hw_error_text()));
+        hw_report_config *config = &r->configs[c];
+        HW_GO(try_memory_of(r, config->config, false, &config->rss_bytes_peak));
         hw_progress_add(progress, 1);
     }
-    status = HW_OK;
+    if (options.streaming)
+        HW_GO(try_memory_of(r, HW_CONFIG_C, true, streaming));
+    hw_progress_add(progress, options.streaming);
 out:
     hw_progress_destroy(progress);
     return status;
@@ -315,6 +346,8 @@ static hw_status write_report(const hw_report *report)
         HW_GO(hw_json_write(options.json, json));
     HW_GO(hw_json_write(path, json));
     hw_report_print(report, stdout);
+    if (report->streamed)
+        hw_streaming_print(&report->streaming, stdout);
     printf("report %s\n", html);
 out:
     cJSON_Delete(json);
@@ -330,17 +363,31 @@ static hw_status run(int argc, const char *const *argv)
     hw_manifest manifest = {0};
     hw_scene scene = {0};
     hw_tour tour = {0};
+    uint64_t streaming_rss = 0;
     hw_status status = HW_OK;
     (void)argc;
     HW_GO(check_usage(&report));
-    HW_GO(hw_manifest_read(argv[0], &manifest));
+    HW_GO(hw_manifest_open(argv[0], &manifest));
     HW_GO(hw_tour_read(options.tour, &tour));
     HW_GO(read_scene(argv[0], &manifest, &scene));
     HW_GO(fill_facts(&report, argv[0], &manifest, &scene, &tour));
     HW_GO(hw_dir_make(options.output));
-    HW_GO(measure_memory(&report));
-    const hw_measure_desc desc = {argv[0], &manifest, &scene, &tour};
+    HW_GO(measure_memory(&report, &streaming_rss));
+    const hw_streaming_desc streaming = {.dataset = argv[0],
+                                         .tour = &tour,
+                                         .width = report.width,
+                                         .height = report.height,
+                                         .samples = report.samples,
+                                         .bandwidth = options.bandwidth,
+                                         .gpu_budget = options.gpu_budget,
+                                         .ram_budget = options.ram_budget};
+    const hw_measure_desc desc = {.dataset = argv[0],
+                                  .manifest = &manifest,
+                                  .scene = &scene,
+                                  .tour = &tour,
+                                  .streaming = options.streaming ? &streaming : NULL};
     HW_GO(hw_measure_run(&desc, &report));
+    report.streaming.rss_bytes_peak = streaming_rss;
     HW_GO(hw_report_summarize(&report));
     HW_GO(write_report(&report));
 out:

@@ -12,23 +12,34 @@
 #include "system.h"
 #include "target.h"
 #include "tour.h"
+#include "video.h"
+#include "walker.h"
 #include <glad/gl.h>
+#include <math.h>
+#include <signal.h>
 #include <stdlib.h>
+#include <string.h>
 
 static struct {
-    const char *tour, *output, *config, *samples, *scene, *frame, *json;
+    const char *tour, *output, *config, *samples, *scene, *frame, *json, *video, *prefetch;
     uint32_t size[2];
-    uint64_t every;
-    double lod_error;
+    uint64_t every, bandwidth, gpu_budget, ram_budget;
+    double lod_error, fps;
     bool no_images;
-} options = {.samples = "1", .config = "C", .size = {1024, 1024}, .every = 1, .lod_error = 1};
+} options = {.samples = "1",
+             .config = "C",
+             .prefetch = "off",
+             .size = {1024, 1024},
+             .every = 1,
+             .lod_error = 1,
+             .fps = 30};
 
 // What the frames add up to.
 typedef struct figures {
     uint32_t frames;
     double *frame_ms;
     uint64_t triangles, triangles_max, draws;
-    uint64_t load_bytes, stalls;
+    uint64_t load_bytes, stalls, missing; // missing: frames that lacked data
     double load_ms;
 } figures;
 
@@ -37,11 +48,12 @@ typedef struct render {
     char *scene_path;
     hw_scene scene;
     hw_tour tour;
-    uint32_t first, end; // frames of the tour
+    uint32_t first, end; // frames of the tour, or of the video
     hw_context *context;
     hw_target *target;
     hw_renderer *renderer;
     hw_image image, rgb;
+    hw_video *video; // NULL: none
     figures figures;
 } render;
 
@@ -64,8 +76,22 @@ static uint32_t fill_options(hw_option *out, uint32_t capacity)
          "Largest projected error of configuration L in pixels."},
         {"scene", 0, HW_OPTION_STRING, &options.scene, "SCENE", NULL, 0, 0,
          "The original scene for configurations A, B and L, if it has moved since the build."},
+        {"prefetch", 0, HW_OPTION_CHOICE, &options.prefetch, NULL, "on|off", 0, 0,
+         "on: play the tour at its own time by a simulated clock, and draw what prefetching has "
+         "brought by then; off: wait for all that a frame needs."},
+        {"bandwidth", 0, HW_OPTION_BYTES, &options.bandwidth, "BYTES", NULL, 0, 0,
+         "With --prefetch on: read the dataset with at most so many bytes a second."},
+        {"gpu-budget", 0, HW_OPTION_BYTES, &options.gpu_budget, "BYTES", NULL, 0, 0,
+         "Memory for the dataset's data on the GPU; 0: 32 MiB."},
+        {"ram-budget", 0, HW_OPTION_BYTES, &options.ram_budget, "BYTES", NULL, 0, 0,
+         "Memory for data on their way to the GPU; 0: 10 MiB."},
         {"no-images", 0, HW_OPTION_FLAG, &options.no_images, NULL, NULL, 0, 0,
          "Write no images, only measure."},
+        {"video", 0, HW_OPTION_STRING, &options.video, "FILE", NULL, 0, 0,
+         "Make a video (.mp4, .mkv, .mov or .webm) of the tour instead, at its own pace, however "
+         "long a frame takes; needs the program ffmpeg."},
+        {"fps", 0, HW_OPTION_DOUBLE, &options.fps, "N", NULL, 1, 240,
+         "Frames per second of the video."},
         {"json", 0, HW_OPTION_STRING, &options.json, "FILE", NULL, 0, 0,
          "Write the figures to this file."},
     };
@@ -79,17 +105,17 @@ static hw_status check_usage(void)
 {
     if (!options.tour)
         return hw_fail(HW_USAGE, "render needs --tour");
-    if (!options.output && !options.no_images)
-        return hw_fail(HW_USAGE, "render needs -o DIR (or --no-images)");
+    if (options.video && (options.output || options.frame || options.every != 1))
+        return hw_fail(HW_USAGE, "--video takes the whole tour: no -o, --frame or --every with it");
+    if (options.video && !hw_video_name_ok(options.video))
+        return hw_fail(HW_USAGE, "--video: '%s' is no .mp4, .mkv, .mov or .webm", options.video);
+    if (!options.video && !options.output && !options.no_images)
+        return hw_fail(HW_USAGE, "render needs -o DIR (or --video FILE, or --no-images)");
     return HW_OK;
 }
 
-static hw_status read_tour(render *r)
+static hw_status choose_frame(render *r)
 {
-    HW_TRY(hw_tour_read(options.tour, &r->tour));
-    r->end = r->tour.frame_count;
-    if (!options.frame)
-        return HW_OK;
     char *stop = NULL;
     unsigned long long frame = strtoull(options.frame, &stop, 10);
     if (options.frame[0] < '0' || options.frame[0] > '9' || *stop)
@@ -103,13 +129,49 @@ static hw_status read_tour(render *r)
     return HW_OK;
 }
 
+static hw_status read_tour(render *r)
+{
+    HW_TRY(hw_tour_read(options.tour, &r->tour));
+    r->end = r->tour.frame_count;
+    if (options.frame)
+        return choose_frame(r);
+    if (!options.video)
+        return HW_OK;
+    double seconds = r->tour.frames[r->end - 1].t - r->tour.frames[0].t;
+    double count = floor(seconds * options.fps + 1e-6) + 1;
+    if (count > HW_TOUR_FRAMES_MAX)
+        return hw_fail(HW_LIMIT, "%s: %.0f s are too long for a video", options.tour, seconds);
+    r->end = (uint32_t)count;
+    return HW_OK;
+}
+
+// Frame `index` of the tour, or of the video: those lie between the tour's own.
+static double frame_seconds(const render *r, uint64_t index)
+{
+    const hw_tour_frame *frames = r->tour.frames;
+    return options.video ? frames[0].t + (double)index / options.fps : frames[index].t;
+}
+
+static hw_camera frame_camera(const render *r, uint32_t index)
+{
+    if (!options.video)
+        return hw_tour_camera(&r->tour, index, options.size[0], options.size[1]);
+    hw_tour_frame frame = hw_walker_tour_at(&r->tour, frame_seconds(r, index));
+    return (hw_camera){.eye = frame.eye,
+                       .forward = frame.forward,
+                       .up = frame.up,
+                       .fov_degrees = (float)r->tour.fov_degrees,
+                       .width = options.size[0],
+                       .height = options.size[1]};
+}
+
 // The scene of A, B and L: --scene, else the path itself if it is no folder, else what the dataset
 // was built from. C needs the dataset alone.
 static hw_status read_scene(render *r, const char *path)
 {
     char *inside = NULL;
     HW_TRY(hw_path_join(&inside, path, "."));
-    bool is_folder = hw_path_exists(inside);
+    bool is_folder = hw_path_exists(inside), is_dataset = is_folder || hw_location_is_url(path);
     hw_free(inside);
     if (r->config == HW_CONFIG_C) {
         if (!is_folder && hw_path_exists(path))
@@ -117,9 +179,9 @@ static hw_status read_scene(render *r, const char *path)
         return HW_OK;
     }
     const char *scene_path = options.scene ? options.scene : path;
-    if (!options.scene && is_folder) {
+    if (!options.scene && is_dataset) {
         hw_manifest manifest = {0};
-        HW_TRY(hw_manifest_read(path, &manifest));
+        HW_TRY(hw_manifest_open(path, &manifest));
         r->scene_path = manifest.scene_path;
         manifest.scene_path = NULL;
         hw_manifest_free(&manifest);
@@ -128,17 +190,33 @@ static hw_status read_scene(render *r, const char *path)
     return hw_scene_import(scene_path, &r->scene);
 }
 
+static bool prefetches(void)
+{
+    return strcmp(options.prefetch, "on") == 0;
+}
+
 static hw_status make_renderer(render *r, const char *path)
 {
     const hw_context_desc context = {.kind = HW_CONTEXT_OFFSCREEN, .width = 16, .height = 16};
-    const hw_renderer_desc renderer = {.config = r->config,
-                                       .dataset = path,
-                                       .scene = &r->scene,
-                                       .lod_error_px = options.lod_error};
+    const hw_renderer_desc renderer = {
+        .config = r->config,
+        .dataset = path,
+        .scene = &r->scene,
+        .lod_error_px = options.lod_error,
+        .streaming = {.loading = prefetches() ? HW_LOADING_SIMULATED : HW_LOADING_WAITS,
+                      .bytes_per_second = options.bandwidth,
+                      .gpu_budget = options.gpu_budget,
+                      .ram_budget = options.ram_budget}};
     HW_TRY(hw_context_create(&context, &r->context));
     HW_TRY(hw_target_create(&r->target, options.size[0], options.size[1],
                             options.samples[0] == '4' ? 4 : 1));
     return hw_renderer_create(&renderer, &r->renderer);
+}
+
+static hw_status write_frame(render *r)
+{
+    HW_TRY(hw_target_read(r->target, &r->image));
+    return hw_video_put(r->video, &r->image);
 }
 
 static hw_status write_image(render *r, uint32_t frame)
@@ -169,7 +247,7 @@ static void count_load(figures *f, const hw_frame_stats *stats)
 // Drivers compile shaders and allocate on the first frames: one goes before those that count.
 static hw_status warm_up(render *r)
 {
-    hw_camera camera = hw_tour_camera(&r->tour, r->first, options.size[0], options.size[1]);
+    hw_camera camera = frame_camera(r, r->first);
     hw_frame_stats stats;
     hw_target_bind(r->target);
     HW_TRY(hw_renderer_draw(r->renderer, &camera, &stats));
@@ -184,7 +262,7 @@ static hw_status draw_frame(render *r, uint32_t frame)
 {
     figures *f = &r->figures;
     hw_frame_stats load, stats;
-    hw_camera camera = hw_tour_camera(&r->tour, frame, options.size[0], options.size[1]);
+    hw_camera camera = frame_camera(r, frame);
     HW_TRY(hw_renderer_prepare(r->renderer, &camera, &load));
     hw_target_bind(r->target);
     glFinish();
@@ -196,9 +274,21 @@ static hw_status draw_frame(render *r, uint32_t frame)
     f->triangles += stats.triangles;
     f->triangles_max = stats.triangles > f->triangles_max ? stats.triangles : f->triangles_max;
     f->draws += stats.draws;
+    f->missing += stats.stream.missing > 0;
     count_load(f, &load);
     count_load(f, &stats);
+    if (r->video)
+        return write_frame(r);
     return options.no_images ? HW_OK : write_image(r, frame);
+}
+
+// Ctrl-C leaves no half of a video behind; a second one kills.
+static volatile sig_atomic_t interrupted;
+
+static void on_signal(int number)
+{
+    (void)number;
+    interrupted = 1;
 }
 
 static hw_status draw_frames(render *r)
@@ -210,12 +300,32 @@ static hw_status draw_frames(render *r)
     HW_GO(hw_progress_create(&progress, "rendering", count));
     HW_GO(warm_up(r));
     for (uint64_t frame = r->first; frame < r->end; frame += step) {
+        if (interrupted) {
+            status = hw_fail(HW_INTERRUPTED, "%s: interrupted", options.tour);
+            goto out;
+        }
         HW_GO(draw_frame(r, (uint32_t)frame));
+        if (frame + step < r->end)
+            hw_renderer_advance(r->renderer,
+                                frame_seconds(r, frame + step) - frame_seconds(r, frame));
         hw_progress_add(progress, 1);
     }
 out:
     hw_progress_destroy(progress);
     return status;
+}
+
+static hw_status make_video(render *r)
+{
+    const struct sigaction action = {.sa_handler = on_signal, .sa_flags = SA_RESETHAND};
+    sigaction(SIGINT, &action, NULL);
+    sigaction(SIGTERM, &action, NULL);
+    HW_TRY(hw_video_open(&r->video, options.video, options.size[0], options.size[1], options.fps,
+                         &interrupted));
+    HW_TRY(draw_frames(r));
+    hw_video *video = r->video;
+    r->video = NULL;
+    return hw_video_commit(video);
 }
 
 static int compare_doubles(const void *a, const void *b)
@@ -270,6 +380,7 @@ static hw_status report(render *r)
     hw_json_add_number(load, "bytes", (double)f->load_bytes);
     hw_json_add_number(load, "stalls", (double)f->stalls);
     hw_json_add_number(load, "seconds", f->load_ms / 1000);
+    hw_json_add_number(load, "frames_missing", (double)f->missing);
     hw_status status = hw_json_write(options.json, json);
     cJSON_Delete(json);
     return status;
@@ -285,11 +396,12 @@ static hw_status run(int argc, const char *const *argv)
     HW_GO(read_tour(&r));
     HW_GO(read_scene(&r, argv[0]));
     HW_GO(make_renderer(&r, argv[0]));
-    if (!options.no_images)
+    if (options.output && !options.no_images)
         HW_GO(hw_dir_make(options.output));
-    HW_GO(draw_frames(&r));
+    HW_GO(options.video ? make_video(&r) : draw_frames(&r));
     HW_GO(report(&r));
 out:
+    hw_video_abort(r.video);
     hw_renderer_destroy(r.renderer);
     hw_target_destroy(r.target);
     hw_context_destroy(r.context);
@@ -305,11 +417,13 @@ out:
 const hw_command hw_cmd_render = {
     .name = "render",
     .summary = "Render the frames of a tour off screen.",
-    .arguments = "DATASET|SCENE --tour TOUR.json -o DIR",
+    .arguments = "DATASET|URL|SCENE --tour TOUR.json -o DIR|--video FILE",
     .description =
         "Draws a tour without a window and writes each frame as DIR/frame_NNNNN.png. Configuration "
         "C, the hybrid, reads the dataset alone; full geometry (A), geometry with culling (B) and "
-        "discrete levels of detail (L) read the scene the dataset was built from.\n\n"
+        "discrete levels of detail (L) read the scene the dataset was built from. A dataset may "
+        "also "
+        "be the URL (http://...) of its folder on a web server.\n\n"
         "A scene file instead of a dataset can be rendered without building anything, in "
         "configurations A, B and L.",
     .options = fill_options,

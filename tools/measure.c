@@ -494,6 +494,20 @@ static void read_gpu_peaks(measurer *m)
             hw_renderer_gpu_bytes_peak(m->renderers[r->configs[c].config]);
 }
 
+// After all else, and without the other configurations' buffers.
+static hw_status measure_streaming(measurer *m)
+{
+    if (!m->desc->streaming)
+        return HW_OK;
+    for (int c = 0; c < HW_REPORT_CONFIGS; c++) {
+        hw_renderer_destroy(m->renderers[c]);
+        m->renderers[c] = NULL;
+    }
+    HW_TRY(hw_streaming_measure(m->desc->streaming, &m->report->streaming));
+    m->report->streamed = true;
+    return HW_OK;
+}
+
 hw_status hw_measure_run(const hw_measure_desc *desc, hw_report *report)
 {
     measurer m = {.desc = desc, .report = report};
@@ -508,6 +522,7 @@ hw_status hw_measure_run(const hw_measure_desc *desc, hw_report *report)
     HW_GO(take_pictures(&m, HW_CONFIG_C));
     HW_GO(take_pictures(&m, HW_CONFIG_L));
     read_gpu_peaks(&m);
+    HW_GO(measure_streaming(&m));
 out:
     hw_free(crossings);
     clean_up(&m);

@@ -425,6 +425,19 @@ static void write_wrapped(FILE *out, const char *text, size_t column, size_t ind
     fputc('\n', out);
 }
 
+static void write_keys(FILE *out, const hw_command *command)
+{
+    hw_command_key keys[HW_COMMAND_KEYS_MAX];
+    uint32_t count = command->keys ? command->keys(keys, HW_COMMAND_KEYS_MAX) : 0;
+    size_t widest = 0;
+    for (uint32_t i = 0; i < count; i++)
+        widest = strlen(keys[i].keys) > widest ? strlen(keys[i].keys) : widest;
+    if (count > 0)
+        fprintf(out, "\nKeys:\n");
+    for (uint32_t i = 0; i < count; i++)
+        fprintf(out, "  %-*s  %s\n", (int)widest, keys[i].keys, keys[i].meaning);
+}
+
 void hw_command_help(const hw_command *command, FILE *out)
 {
     option_list list;
@@ -449,6 +462,7 @@ void hw_command_help(const hw_command *command, FILE *out)
         format_help(o, help, sizeof help);
         write_wrapped(out, help, indent, indent);
     }
+    write_keys(out, command);
 }
 
 void hw_program_help(FILE *out)
@@ -517,6 +531,15 @@ static void write_man_command(FILE *out, const hw_command *command)
     write_roff(out, command_text(command));
     for (uint32_t i = 0; i + 2 < list.count; i++) // without --quiet and --help
         write_man_option(out, &list.options[i]);
+    hw_command_key keys[HW_COMMAND_KEYS_MAX];
+    uint32_t count = command->keys ? command->keys(keys, HW_COMMAND_KEYS_MAX) : 0;
+    if (count > 0)
+        fputs(".PP\nKeys:\n", out);
+    for (uint32_t i = 0; i < count; i++) {
+        fputs(".TP\n", out);
+        write_roff(out, keys[i].keys);
+        write_roff(out, keys[i].meaning);
+    }
 }
 
 void hw_program_man(FILE *out)

@@ -28,12 +28,22 @@ typedef struct hw_option {
     const char *help;    // one sentence; the default is appended by the generator
 } hw_option;
 
+// A key of a window and what it does.
+typedef struct hw_command_key {
+    char keys[32];
+    const char *meaning;
+} hw_command_key;
+
+#define HW_COMMAND_KEYS_MAX 64
+
 typedef struct hw_command {
     const char *name, *summary, *arguments; // arguments: "SCENE -o DATASET"
     const char *description;                // a paragraph or two for help and the man page
     // Fills `options` (room for `capacity`), returns how many. Options point at static storage of
     // the command's file.
     uint32_t (*options)(hw_option *options, uint32_t capacity);
+    // Fills `keys` as options does; NULL for commands without a window.
+    uint32_t (*keys)(hw_command_key *keys, uint32_t capacity);
     int positional_min, positional_max;
     // Runs with parsed options and positional arguments. Errors are returned; main prints them.
     hw_status (*run)(int argc, const char *const *argv);

@@ -16,6 +16,7 @@ void hw_report_free(hw_report *report)
                         &report->gl_renderer, &report->policy};
     for (size_t i = 0; i < sizeof strings / sizeof *strings; i++)
         hw_free(*strings[i]);
+    hw_streaming_free(&report->streaming);
     hw_free(report->frames);
     hw_free(report->crossings);
     for (uint32_t i = 0; i < HW_REPORT_CONFIGS; i++)
@@ -254,6 +255,8 @@ hw_status hw_report_json(const hw_report *report, cJSON **out)
     add_number(ratios, "A/C", hw_report_ratio(report, HW_CONFIG_A));
     add_number(ratios, "B/C", hw_report_ratio(report, HW_CONFIG_B));
     add_number(ratios, "L/C", hw_report_ratio(report, HW_CONFIG_L));
+    if (report->streamed)
+        hw_streaming_add_json(&report->streaming, root);
     cJSON *notes = cJSON_AddArrayToObject(root, "notes");
     for (uint32_t i = 0; i < report->note_count; i++)
         cJSON_AddItemToArray(notes, cJSON_CreateString(report->notes[i]));

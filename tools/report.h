@@ -4,6 +4,7 @@
 #include "image.h"
 #include "renderer.h"
 #include "status.h"
+#include "streaming.h"
 #include <cjson/cJSON.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -85,7 +86,9 @@ typedef struct hw_report {
     double *crossings; // times (s) at which the whole tour crosses into another cell
     hw_report_config configs[HW_REPORT_CONFIGS];
     hw_report_picture pictures[HW_REPORT_PICTURES];
-    char *notes[HW_REPORT_NOTES]; // what a reader must know about the figures
+    bool streamed;
+    hw_streaming_report streaming; // if streamed
+    char *notes[HW_REPORT_NOTES];  // what a reader must know about the figures
 } hw_report;
 
 void hw_report_free(hw_report *report);

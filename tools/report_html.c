@@ -539,6 +539,8 @@ static hw_status put_page(hw_bytes_writer *w, const hw_report *r)
     put_table(w, r);
     put_hybrid(w, r);
     HW_TRY(put_plots(w, r));
+    if (r->streamed)
+        HW_TRY(hw_streaming_put_html(&r->streaming, r->crossings, r->crossing_count, w));
     HW_TRY(put_pictures(w, r));
     put_method(w, r);
     hw_put_format(w, "</main>\n<script>");

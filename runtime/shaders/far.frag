@@ -1,7 +1,15 @@
 in vec2 v_uv;
-uniform sampler2D u_atlas; // opaque: alpha is 1
+uniform sampler2D u_atlas; // alpha: how much of a cut-out texel the object covers
 out vec4 o_color;
 void main()
 {
-    o_color = texture(u_atlas, v_uv);
+    hw_dissolve();
+#ifdef CUT_OUT
+    vec4 texel = texture(u_atlas, v_uv);
+    if (texel.a < 0.5)
+        discard;
+    o_color = vec4(texel.rgb, 1.0);
+#else
+    o_color = vec4(texture(u_atlas, v_uv).rgb, 1.0);
+#endif
 }

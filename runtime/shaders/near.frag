@@ -6,6 +6,7 @@ uniform sampler2D u_texture;
 out vec4 o_color;
 void main()
 {
+    hw_dissolve();
 #ifdef TEXTURED
     o_color = vec4(v_color * texture(u_texture, v_uv).rgb, 1.0);
 #else

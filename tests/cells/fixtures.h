@@ -42,6 +42,7 @@ static UNUSED void fixture_far(hw_cell *cell, uint32_t index, uint32_t side, hw_
     float x = hw_rng_float(rng), y = hw_rng_float(rng), iz = 0.001f + 0.01f * hw_rng_float(rng);
     *f = (hw_far_record){.object_idx = index * 7,
                          .face = index % 6,
+                         .cut_out = index % 3 == 1,
                          .x_min = x - 0.5f,
                          .x_max = x + 0.1f,
                          .y_min = y - 0.7f,
@@ -91,6 +92,9 @@ static UNUSED void fixture_cell(hw_cell *cell, uint32_t near_count, uint32_t far
     must(HW_NEW(&cell->atlas_bc1, bytes));
     for (size_t i = 0; i < bytes; i++)
         cell->atlas_bc1[i] = (uint8_t)hw_rng_below(&rng, 8);
+    must(HW_NEW(&cell->coverage_bc4, bytes));
+    for (size_t i = 0; i < bytes; i++)
+        cell->coverage_bc4[i] = (uint8_t)hw_rng_below(&rng, 256);
 }
 
 // A bumpy grid of side x side vertices with every attribute (`full`) or positions alone.

@@ -70,6 +70,8 @@ static void assert_same_cell(const hw_cell *a, const hw_cell *b)
     assert_memory_equal(a->vertices, b->vertices, a->vertex_count * sizeof *a->vertices);
     assert_same_triangles(a->indices, b->indices, a->index_count);
     assert_memory_equal(a->atlas_bc1, b->atlas_bc1, (size_t)a->atlas_width * a->atlas_height / 2);
+    assert_memory_equal(a->coverage_bc4, b->coverage_bc4,
+                        (size_t)a->atlas_width * a->atlas_height / 2);
 }
 
 static void test_round_trip(void **state)
@@ -389,13 +391,21 @@ static void test_version_and_kind(void **state)
     hw_cell_free(&cell);
     chunks.data[HW_CELL_CHUNK_INFO][0]++;
     assert_int_equal(hw_cell_from_chunks("newer", 1, &chunks, &cell), HW_VERSION);
-    assert_non_null(strstr(hw_error_text(), "newer: cell version 2, this program reads 1"));
+    char message[96];
+    snprintf(message, sizeof message, "newer: cell version %u, this program reads %u",
+             HW_CELL_VERSION + 1, HW_CELL_VERSION);
+    assert_non_null(strstr(hw_error_text(), message));
     hw_cell_chunks_free(&chunks);
 
     const hw_chunk chunk = {HW_FOURCC('I', 'N', 'F', 'O'), 0, "?", 1};
     must(hw_container_write("few.hxc", HW_CELL_MAGIC, 0, &chunk, 1));
     assert_int_equal(read_cell("few.hxc"), HW_FORMAT);
     assert_non_null(strstr(hw_error_text(), "few.hxc: chunk NEAR 0 is missing"));
+    // Another version is told before the chunks that it lacks.
+    const uint8_t first[4] = {1, 0, 0, 0};
+    const hw_chunk old = {HW_FOURCC('I', 'N', 'F', 'O'), 0, first, sizeof first};
+    must(hw_container_write("old.hxc", HW_CELL_MAGIC, 0, &old, 1));
+    assert_int_equal(read_cell("old.hxc"), HW_VERSION);
     must(hw_container_write("mesh.hxm", HW_MESH_MAGIC, 0, &chunk, 1));
     assert_int_equal(read_cell("mesh.hxm"), HW_FORMAT);
     assert_int_equal(read_cell("no-such-cell.hxc"), HW_NOT_FOUND);

@@ -215,6 +215,44 @@ static void other_options_make_everything_anew(void **state)
     assert_int_equal(report.cells_made, report.cells_total);
 }
 
+// With a limit above every self-occluding error, each far object is a rectangle of its own, cut
+// out; with none, no object is.
+static void what_is_flat_from_afar_is_an_impostor(void **state)
+{
+    (void)state;
+    const double limits[2] = {0, 30};
+    for (int i = 0; i < 2; i++) {
+        remove_tree("build_j");
+        hw_build_options o = options_for("build_j");
+        o.far.impostor_px = limits[i];
+        hw_build_report report;
+        build(&o, &report);
+        hw_manifest manifest;
+        assert_int_equal(hw_manifest_read("build_j", &manifest), HW_OK);
+        for (uint32_t k = 0; k < manifest.cell_count; k++) {
+            hw_cell cell;
+            char *path;
+            assert_int_equal(hw_cell_path(&path, "build_j", manifest.cells[k].id), HW_OK);
+            assert_int_equal(hw_cell_read(path, &cell), HW_OK);
+            hw_free(path);
+            for (uint32_t n = 0; n < cell.far_count; n++) {
+                const hw_far_record *far = &cell.far[n];
+                assert_int_equal(far->cut_out, i == 1);
+                if (i == 0)
+                    continue;
+                assert_int_equal(far->index_count, 6);
+                // It stands where its object does, and is hardly larger.
+                hw_box object = manifest.objects[far->object_idx].bounds;
+                hw_vec3 middle = hw_box_centre(object);
+                assert_true(hw_v3_length(hw_v3_sub(hw_box_centre(far->bounds), middle)) < 6);
+                assert_true(hw_box_diagonal(far->bounds) < 2 * hw_box_diagonal(object));
+            }
+            hw_cell_free(&cell);
+        }
+        hw_manifest_free(&manifest);
+    }
+}
+
 // Only the cells that a tour's frames stand in, then the rest; a cell made before stays listed.
 static void cells_along_a_tour_come_first(void **state)
 {
@@ -330,6 +368,7 @@ int main(void)
         cmocka_unit_test(threads_and_shards_change_no_byte),
         cmocka_unit_test(unfinished_build_goes_on),
         cmocka_unit_test(other_options_make_everything_anew),
+        cmocka_unit_test(what_is_flat_from_afar_is_an_impostor),
         cmocka_unit_test(cells_along_a_tour_come_first),
         cmocka_unit_test(thesis_policy_builds),
         cmocka_unit_test(stop_is_heeded),

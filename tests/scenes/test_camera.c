@@ -1,5 +1,9 @@
 #include "camera.h"
+#include "camera_text.h"
 #include "mesh_samples.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
 
 static hw_camera make_camera(void)
 {
@@ -190,9 +194,78 @@ static void test_frustum_planes(void **state)
     assert_true(frustum.planes[2][2] > 0 && frustum.planes[3][2] < 0); // bottom, top
 }
 
+// ---- As text
+
+static void test_text_brings_the_floats_back(void **state)
+{
+    (void)state;
+    const hw_camera camera = {.eye = {123.456789f, -1e-7f, 3e8f},
+                              .forward = {0.1f, 0.7071068f, -1.0f / 3},
+                              .up = {0, 0, 1},
+                              .fov_degrees = 59.9f};
+    char text[512], cut[8];
+    hw_camera back;
+    hw_camera_format(&camera, text, sizeof text);
+    assert_null(strchr(text, '\n'));
+    assert_int_equal(hw_camera_parse("text", text, &back), HW_OK);
+    assert_memory_equal(&back, &camera, sizeof back);
+    hw_camera_format(&camera, cut, sizeof cut);
+    assert_int_equal(strlen(cut), sizeof cut - 1);
+    // Every part of it is refused, or is the whole.
+    for (size_t n = 0; n < strlen(text); n++) {
+        char part[512];
+        snprintf(part, sizeof part, "%.*s", (int)n, text);
+        assert_int_equal(hw_camera_parse("text", part, &back), HW_FORMAT);
+    }
+    assert_int_equal(hw_camera_parse("text",
+                                     " {\"fov_degrees\": 60, \"eye\": [1, 2, 3],\n"
+                                     "\"forward\": [1, 0, 0]} ",
+                                     &back),
+                     HW_OK);
+    assert_true(back.up.z == 1 && back.eye.y == 2 && back.fov_degrees == 60);
+}
+
+static void test_odd_texts(void **state)
+{
+    (void)state;
+    static const char *const texts[] = {
+        "",
+        "hello",
+        "[]",
+        "null",
+        "{}",
+        "{\"eye\":[0,0,0],\"forward\":[0,1,0]}",
+        "{\"eye\":[0,0],\"forward\":[0,1,0],\"fov_degrees\":60}",
+        "{\"eye\":[0,0,0,0],\"forward\":[0,1,0],\"fov_degrees\":60}",
+        "{\"eye\":[0,0,\"x\"],\"forward\":[0,1,0],\"fov_degrees\":60}",
+        "{\"eye\":[0,0,1e300],\"forward\":[0,1,0],\"fov_degrees\":60}",
+        "{\"eye\":[0,0,1e999],\"forward\":[0,1,0],\"fov_degrees\":60}",
+        "{\"eye\":[0,0,0],\"forward\":[0,0,0],\"fov_degrees\":60}",
+        "{\"eye\":[0,0,0],\"forward\":[0,0,-1],\"fov_degrees\":60}",
+        "{\"eye\":[0,0,0],\"forward\":[0,1,0],\"up\":[0,2,0],\"fov_degrees\":60}",
+        "{\"eye\":[0,0,0],\"forward\":[0,1,0],\"fov_degrees\":0}",
+        "{\"eye\":[0,0,0],\"forward\":[0,1,0],\"fov_degrees\":180}",
+        "{\"eye\":[0,0,0],\"forward\":[0,1,0],\"fov_degrees\":\"60\"}",
+    };
+    const hw_camera before = {.fov_degrees = 7};
+    for (size_t i = 0; i < sizeof texts / sizeof *texts; i++) {
+        hw_camera camera = before;
+        assert_int_equal(hw_camera_parse("text", texts[i], &camera), HW_FORMAT);
+        assert_memory_equal(&camera, &before, sizeof camera);
+        assert_non_null(strstr(hw_error_text(), "text"));
+    }
+    char *longer = malloc(100001);
+    memset(longer, '[', 100000);
+    longer[100000] = '\0';
+    hw_camera camera;
+    assert_int_equal(hw_camera_parse("text", longer, &camera), HW_FORMAT);
+    free(longer);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_text_brings_the_floats_back), cmocka_unit_test(test_odd_texts),
         cmocka_unit_test(test_known_projections),           cmocka_unit_test(test_depth_range),
         cmocka_unit_test(test_jitter_moves_the_image),      cmocka_unit_test(test_view_is_rigid),
         cmocka_unit_test(test_frustum_against_brute_force), cmocka_unit_test(test_frustum_planes),

@@ -1,4 +1,4 @@
-// BC1: hand-worked decoder vectors, and what a round trip may lose.
+// BC1 and BC4: hand-worked decoder vectors, and what a round trip may lose.
 #include "alloc.h"
 #include "block.h"
 #include "rng.h"
@@ -174,12 +174,65 @@ static void test_noise_round_trip(void **state)
     hw_image_free(&image);
 }
 
+// Hand-worked (EXT_texture_compression_rgtc): v0 = 210 > v1 = 0 has sixths between, v0 = 0 < v1 =
+// 250 fifths, then 0 and 255. Codes 0, 1, ..., 7 in the first eight pixels.
+static void test_one_channel(void **state)
+{
+    (void)state;
+    const uint8_t codes[3] = {0x88, 0xc6, 0xfa};
+    const uint8_t expected[2][8] = {{210, 0, 180, 150, 120, 90, 60, 30},
+                                    {0, 250, 50, 100, 150, 200, 0, 255}};
+    for (int mode = 0; mode < 2; mode++) {
+        uint8_t block[8] = {mode ? 0 : 210, mode ? 250 : 0}, out[32];
+        memcpy(block + 2, codes, 3);
+        memset(out, 77, sizeof out);
+        hw_bc4_decode(block, 4, 4, 2, out);
+        for (int i = 0; i < 8; i++) {
+            assert_int_equal(out[2 * i], expected[mode][i]);
+            assert_int_equal(out[2 * i + 1], 77); // between the strides
+        }
+    }
+}
+
+static void test_one_channel_round_trip(void **state)
+{
+    (void)state;
+    hw_image image = make_image(8, 4);
+    uint8_t blocks[32], out[64];
+    for (uint32_t i = 0; i < 64; i++)
+        image.data[i * 4 + 3] = (uint8_t)(i % 8 * 20 + i / 8 * 10);
+    hw_bc4_encode(&image, 3, blocks);
+    hw_bc4_decode(blocks, 8, 8, 1, out);
+    for (uint32_t i = 0; i < 64; i++)
+        assert_true(abs(out[i] - image.data[i * 4 + 3]) <= 8);
+    // What is full or empty stays so.
+    for (uint32_t i = 0; i < 64; i++)
+        image.data[i * 4 + 3] = i % 8 < 3 ? 0 : 255;
+    hw_bc4_encode(&image, 3, blocks);
+    hw_bc4_decode(blocks, 8, 8, 1, out);
+    for (uint32_t i = 0; i < 64; i++)
+        assert_int_equal(out[i], image.data[i * 4 + 3]);
+    // Joined with colours: both as they were.
+    uint8_t colors[32], joined[64], rgb[256], rgba[256];
+    assert_int_equal(hw_bc3_bytes(8, 8), sizeof joined);
+    hw_bc1_encode(&image, colors);
+    hw_bc1_decode(colors, 8, 8, rgb);
+    hw_bc3_join(colors, blocks, sizeof joined, joined);
+    hw_bc3_decode(joined, 8, 8, rgba);
+    for (uint32_t i = 0; i < 64; i++) {
+        assert_memory_equal(rgba + i * 4, rgb + i * 4, 3);
+        assert_int_equal(rgba[i * 4 + 3], out[i]);
+    }
+    hw_image_free(&image);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_four_colours),         cmocka_unit_test(test_three_colours),
         cmocka_unit_test(test_expansion_and_thirds), cmocka_unit_test(test_equal_end_points),
         cmocka_unit_test(test_block_order),          cmocka_unit_test(test_constant_round_trip),
+        cmocka_unit_test(test_one_channel),          cmocka_unit_test(test_one_channel_round_trip),
         cmocka_unit_test(test_gradient_round_trip),  cmocka_unit_test(test_noise_round_trip),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -50,6 +50,14 @@ static uint32_t options(hw_option *out, uint32_t capacity)
     return n;
 }
 
+static uint32_t keys(hw_command_key *out, uint32_t capacity)
+{
+    assert_true(capacity >= 2);
+    out[0] = (hw_command_key){"Q", "quit"};
+    out[1] = (hw_command_key){"Page Up", "look up"};
+    return 2;
+}
+
 static const hw_command command = {
     .name = "make",
     .summary = "makes things",
@@ -57,6 +65,7 @@ static const hw_command command = {
     .description = "Makes many things out of few, which takes a sentence long enough to be broken "
                    "over several lines of the help.\n\nA second paragraph.",
     .options = options,
+    .keys = keys,
     .positional_min = 1,
     .positional_max = 2,
 };
@@ -262,6 +271,7 @@ static void help_comes_from_the_table(void **state)
     assert_non_null(strstr(text, "      --ratio R "));
     assert_non_null(strstr(text, "      --config A|B|LL|C "));
     assert_non_null(strstr(text, "How many (default: 4).\n"));
+    assert_non_null(strstr(text, "\nKeys:\n  Q        quit\n  Page Up  look up\n"));
     assert_non_null(strstr(text, "File to write.\n"));
     assert_non_null(strstr(text, "Without bounds (free; default: 0.25).\n"));
     assert_non_null(strstr(text, "Pixels (default: 1024x768).\n"));
@@ -281,6 +291,7 @@ static void the_man_page_is_sound_roff(void **state)
 {
     (void)state;
     char *text = text_of(hw_program_man);
+    assert_non_null(strstr(text, ".TP\nPage Up\nlook up\n"));
     assert_memory_equal(text, ".TH HEXWALK 1 ", 14);
     assert_non_null(strstr(text, ".SH NAME\n"));
     assert_non_null(

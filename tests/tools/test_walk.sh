@@ -126,6 +126,10 @@ check 'C on a scene' fails_with 2 'needs a dataset' "$hexwalk" walk scene.obj --
 check 'no such tour' fails_with 1 'no.json' "$hexwalk" walk scene.obj --tour no.json
 check 'no folder to record to' fails_with 1 'no/t.json' "$hexwalk" walk scene.obj --record no/t.json
 check 'odd samples' fails_with 2 'samples' "$hexwalk" walk scene.obj --samples 3
+check 'odd collision' fails_with 2 'collision' "$hexwalk" walk scene.obj --collision maybe
+for key in 'W, Up' 'Ctrl\+V' 'F12' 'F8' 'Escape, Ctrl\+Q' 'Sticks'; do
+    check "help tells of $key" does "^  $key(, pad [A-Z]+)? +[a-z]" "$hexwalk" help walk
+done
 check 'tiny window' fails_with 2 'size' "$hexwalk" walk scene.obj --size 3x3
 
 # ---- A scene
@@ -160,7 +164,7 @@ sleep 0.5
 xdotool keyup w
 xdotool key r
 check 'recording' until_true 20 test -s hexwalk_tour_0001.json
-xdotool key F1 h F12
+xdotool key F1 F2 F12
 check 'second screenshot' until_true 20 test -s hexwalk_0003.png
 check 'the walker has moved' eval '! cmp -s hexwalk_0002.png hexwalk_0003.png'
 check 'size of a screenshot' size_is hexwalk_0003.png 320 240
@@ -197,6 +201,104 @@ check 'window' start 'scene.obj - B ' scene.obj --record whole.json "${size[@]}"
 kill -INT "$walk"
 check 'Ctrl-C in the terminal quits' ended 0
 check 'and keeps the recording' grep -q '"frames"' whole.json
+
+# ---- Views
+
+# shot NAME - takes a screenshot, the next of the series, as NAME.png.
+shots=$(ls hexwalk_*.png | wc -l)
+shot() {
+    shots=$((shots + 1))
+    local made
+    made=$(printf 'hexwalk_%04d.png' $shots)
+    xdotool key F12
+    until_true 20 test -s "$made" || return 1
+    sleep 0.1
+    cp "$made" "$1.png"
+}
+same() { cmp -s "$1.png" "$2.png"; }
+differ() { ! cmp -s "$1.png" "$2.png"; }
+
+check 'window' start 'scene.obj - L ' scene.obj --config L "${size[@]}"
+sleep 1
+check 'plain' shot plain
+# view KEY NAME - the key changes the picture, and changes it back.
+for view in 'F3 tint' 'F4 wireframe'; do
+    xdotool key "${view% *}"
+    check "$view" shot "${view#* }"
+    check "$view shows" differ plain "${view#* }"
+    xdotool key "${view% *}"
+    check 'and back' shot back
+    check "$view goes" same plain back
+done
+# Figures, help and map are not in a screenshot.
+xdotool key F1 F2 F5
+check 'HUD' shot hud
+check 'a screenshot has no HUD' same plain hud
+xdotool key F1 F2 F5
+# Looking away with culling frozen leaves out what is there otherwise.
+xdotool key F6
+xdotool keydown Right
+sleep 1.5
+xdotool keyup Right
+sleep 0.3
+check 'frozen' shot frozen
+xdotool key F6
+check 'thawed' shot thawed
+check 'frozen culling shows' differ frozen thawed
+# L against B: the picture is B's on the right of the seam, wherever that is.
+xdotool key F7
+sleep 2
+check 'split' shot split
+check 'the split shows' differ split thawed
+xdotool keydown comma
+sleep 3
+xdotool keyup comma
+check 'all B' shot all_b
+xdotool keydown period
+sleep 4
+xdotool keyup period
+check 'all L' shot all_l
+check 'the seam moves' differ all_b all_l
+xdotool key F8
+sleep 1
+check 'errors' shot errors
+check 'the error map shows' differ errors split
+xdotool key F8
+check 'plain again' shot plain_again
+check 'views are gone' same plain_again thawed
+# The camera by way of the clipboard.
+xdotool key ctrl+c
+sleep 0.3
+xdotool keydown w
+sleep 0.5
+xdotool keyup w
+sleep 0.2
+check 'walked' shot walked
+check 'somewhere else' differ walked thawed
+xdotool key ctrl+v
+sleep 0.5
+check 'pasted' shot pasted
+check 'pasting goes back' same pasted thawed
+xdotool key F11
+sleep 1
+check 'fullscreen' shot full
+check 'it fills the screen' size_is full.png 800 600
+xdotool key F11
+sleep 1
+check 'window again' shot small
+check 'of the old size' size_is small.png 320 240
+xdotool key Escape
+check 'quits' ended 0
+
+# ---- At random
+
+check 'a random walk' does '^random walk: 600 frames' \
+    "$hexwalk" walk scene.obj --random-walk 20 "${size[@]}"
+mv out first
+check 'again' does '^random walk' "$hexwalk" walk scene.obj --random-walk 20 "${size[@]}"
+check 'is the same' eval 'cmp <(head -1 first) <(head -1 out)'
+check 'another' does '^random walk' "$hexwalk" walk scene.obj --random-walk 20 --seed 2 "${size[@]}"
+check 'is another' eval '! cmp -s <(head -1 first) <(head -1 out)'
 
 # ---- A dataset
 

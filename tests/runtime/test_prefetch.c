@@ -1,0 +1,459 @@
+// Streaming: what is fetched when, within which budgets, and what is drawn while data are late.
+#include "models.h"
+
+#include "../cells/web.h"
+#include "prefetch.h"
+#include "stream_dataset.h"
+
+#include <unistd.h>
+
+#define SIZE  96u
+#define FRAME (1 / 30.0) // seconds
+
+typedef struct fixture {
+    hw_context *context;
+    hw_target *target;
+    stream_dataset dataset;
+} fixture;
+
+static int open_fixture(void **state)
+{
+    static fixture f;
+    assert_int_equal(model_context_open((void **)&f.context), 0);
+    assert_ok(hw_target_create(&f.target, SIZE, SIZE, 1));
+    stream_make(&f.dataset);
+    *state = &f;
+    return 0;
+}
+
+static int close_fixture(void **state)
+{
+    fixture *f = *state;
+    hw_target_destroy(f->target);
+    hw_context_destroy(f->context);
+    return stream_remove(&f->dataset);
+}
+
+static hw_renderer *open_renderer(const char *location, const hw_streaming *streaming)
+{
+    const hw_renderer_desc desc = {
+        .config = HW_CONFIG_C, .dataset = location, .streaming = *streaming};
+    hw_renderer *renderer = NULL;
+    assert_ok(hw_renderer_create(&desc, &renderer));
+    return renderer;
+}
+
+// A walk in a straight line through several cells, with a look back in the middle.
+static hw_camera walk_camera(double t)
+{
+    double x = -150 + 30 * t, y = -60 + 9 * t, angle = 0.3 + (t > 5 && t < 6 ? 2.5 : 0);
+    return model_camera(hw_v3((float)x, (float)y, 0),
+                        hw_v3((float)cos(angle), (float)sin(angle), 0), SIZE);
+}
+
+static uint32_t count_holes(const fixture *f)
+{
+    hw_image image = {0};
+    uint32_t holes = 0;
+    assert_ok(hw_target_read(f->target, &image));
+    for (uint32_t i = 0; i < SIZE * SIZE; i++)
+        holes += image.data[i * 4 + 3] != 255;
+    hw_image_free(&image);
+    return holes;
+}
+
+static hw_frame_stats draw(const fixture *f, hw_renderer *renderer, const hw_camera *camera)
+{
+    hw_frame_stats stats;
+    hw_target_bind(f->target);
+    assert_ok(hw_renderer_draw(renderer, camera, &stats));
+    assert_int_equal(count_holes(f), 0);
+    return stats;
+}
+
+// What a walk by simulated time came to.
+typedef struct walked {
+    uint32_t frames, missing, late;
+    uint64_t gpu_peak, ram_peak, upload_peak, read_bytes;
+} walked;
+
+static walked walk(const fixture *f, hw_renderer *renderer, double seconds)
+{
+    walked sum = {0};
+    uint64_t uploaded = 0;
+    for (double t = 0; t < seconds; t += FRAME) {
+        hw_camera camera = walk_camera(t);
+        hw_frame_stats stats = draw(f, renderer, &camera);
+        const hw_stream_stats *s = &stats.stream;
+        uint64_t upload = s->uploaded_bytes - uploaded;
+        uploaded = s->uploaded_bytes;
+        sum.upload_peak = sum.frames > 0 && upload > sum.upload_peak ? upload : sum.upload_peak;
+        sum.missing += sum.frames > 0 && s->missing > 0;
+        sum.late += s->late_cells > 0;
+        sum.gpu_peak = s->gpu_bytes > sum.gpu_peak ? s->gpu_bytes : sum.gpu_peak;
+        sum.ram_peak = s->ram_bytes > sum.ram_peak ? s->ram_bytes : sum.ram_peak;
+        sum.read_bytes = s->read_bytes;
+        sum.frames++;
+        assert_int_equal(stats.stalls, 0);
+        assert_int_equal(s->problem_count, 0);
+        hw_renderer_advance(renderer, FRAME);
+    }
+    return sum;
+}
+
+// ---- priorities ----
+
+static hw_prefetch_view view(hw_vec3 aim, hw_vec3 motion)
+{
+    return (hw_prefetch_view){{0, 0, 0}, aim, motion, 30, 0.5};
+}
+
+static void test_priorities(void **state)
+{
+    (void)state;
+    hw_prefetch_view v = view(hw_v3(1, 0, 0), hw_v3(0, 1, 0));
+    double ahead = hw_prefetch_priority(&v, hw_v3(0, 86, 0), 40, 50);
+    double aimed = hw_prefetch_priority(&v, hw_v3(86, 0, 0), 40, 50);
+    double behind = hw_prefetch_priority(&v, hw_v3(0, -86, 0), 40, 50);
+    double close = hw_prefetch_priority(&v, hw_v3(0, -86, 0), 1, 50);
+    double farther = hw_prefetch_priority(&v, hw_v3(0, 172, 0), 120, 50);
+    assert_true(ahead > aimed && aimed > behind && close > behind && ahead > farther);
+    // Within the frustum it is worth more than the angle alone; standing, the aim alone counts.
+    double inside = hw_prefetch_priority(&v, hw_v3(80, 40, 0), 40, 50);
+    double outside = hw_prefetch_priority(&v, hw_v3(80, 48, 0), 40, 50);
+    assert_true(inside > outside + 0.05);
+    hw_prefetch_view standing = view(hw_v3(1, 0, 0), hw_v3(0, 0, 0));
+    assert_true(hw_prefetch_priority(&standing, hw_v3(86, 0, 0), 40, 50) >
+                hw_prefetch_priority(&standing, hw_v3(0, 86, 0), 40, 50));
+    for (int i = 0; i < 360; i++) {
+        hw_vec3 to = hw_v3((float)(100 * cos(i)), (float)(100 * sin(i)), 0);
+        double p = hw_prefetch_priority(&v, to, i, 50);
+        assert_true(p >= 0 && p < 0.95);
+    }
+}
+
+static void test_entries(void **state)
+{
+    const fixture *f = *state;
+    const hw_hexgrid *grid = &f->dataset.manifest.grid;
+    hw_cell_id home = hw_hexgrid_locate(grid, 0, 0), around[6];
+    hw_vec3 c = hw_cell_centre(grid, home), from = hw_v3(c.x + 3, c.y + 2, 1);
+    hw_vec3 in = hw_prefetch_entry(grid, home, from);
+    assert_true(in.x == from.x && in.y == from.y && in.z == from.z);
+    hw_cell_neighbours(home, around);
+    for (int i = 0; i < 6; i++) {
+        hw_vec3 e = hw_prefetch_entry(grid, around[i], hw_v3(c.x, c.y, 1)), axis, right, up;
+        hw_face_basis(i, &axis, &right, &up);
+        // The middle of the face between the two.
+        float inner = (float)(50 * sqrt(3) / 2);
+        assert_true(fabsf(e.x - c.x - axis.x * inner) < 0.01f);
+        assert_true(fabsf(e.y - c.y - axis.y * inner) < 0.01f);
+        assert_true(e.z == 1);
+    }
+}
+
+// ---- walks by simulated time ----
+
+static void test_nothing_missing(void **state)
+{
+    fixture *f = *state;
+    const hw_streaming streaming = {.loading = HW_LOADING_SIMULATED};
+    hw_renderer *renderer = open_renderer(f->dataset.folder, &streaming);
+    walked sum = walk(f, renderer, 10);
+    assert_int_equal(sum.missing, 0);
+    assert_int_equal(sum.late, 0);
+    assert_true(sum.frames >= 300);
+    assert_true(sum.upload_peak <= UINT64_C(1) << 20);
+    hw_renderer_destroy(renderer);
+}
+
+// The same walk, starved: every frame is whole, some with other data than wanted; a rest lets the
+// data catch up.
+static void test_late_data(void **state)
+{
+    fixture *f = *state;
+    const hw_streaming streaming = {.loading = HW_LOADING_SIMULATED, .bytes_per_second = 15000};
+    hw_renderer *renderer = open_renderer(f->dataset.folder, &streaming);
+    walked sum = walk(f, renderer, 10);
+    assert_true(sum.late > 10);
+    assert_true(sum.late < sum.frames);
+    hw_camera camera = walk_camera(10);
+    hw_frame_stats stats = {0};
+    for (int i = 0; i < 600; i++) {
+        stats = draw(f, renderer, &camera);
+        hw_renderer_advance(renderer, FRAME);
+    }
+    assert_int_equal(stats.stream.missing, 0);
+    hw_renderer_destroy(renderer);
+}
+
+// Frames are the same whether data were waited for or prefetched.
+static void test_same_frames(void **state)
+{
+    fixture *f = *state;
+    const hw_streaming waits = {.loading = HW_LOADING_WAITS};
+    const hw_streaming ahead = {.loading = HW_LOADING_SIMULATED};
+    hw_renderer *a = open_renderer(f->dataset.folder, &waits);
+    hw_renderer *b = open_renderer(f->dataset.folder, &ahead);
+    hw_image first = {0}, second = {0};
+    for (double t = 0; t < 6; t += FRAME) {
+        hw_camera camera = walk_camera(t);
+        draw(f, a, &camera);
+        assert_ok(hw_target_read(f->target, &first));
+        hw_frame_stats stats = draw(f, b, &camera);
+        assert_ok(hw_target_read(f->target, &second));
+        if (t > 0 && stats.stream.missing == 0)
+            assert_memory_equal(first.data, second.data, SIZE * SIZE * 4);
+        hw_renderer_advance(b, FRAME);
+    }
+    hw_image_free(&first);
+    hw_image_free(&second);
+    hw_renderer_destroy(a);
+    hw_renderer_destroy(b);
+}
+
+// Budgets hold at every frame, down to what two cells take.
+static void test_budgets(void **state)
+{
+    fixture *f = *state;
+    const uint64_t cell = STREAM_ATLAS * STREAM_ATLAS * 4, ball = 64 * 32 * (24 + 12);
+    for (uint64_t cells = 2; cells <= 8; cells *= 2) {
+        const hw_streaming streaming = {.loading = HW_LOADING_SIMULATED,
+                                        .gpu_budget = cells * cell + 3 * ball,
+                                        .ram_budget = cell * cells / 4};
+        hw_renderer *renderer = open_renderer(f->dataset.folder, &streaming);
+        walked sum = walk(f, renderer, 10);
+        assert_true(sum.gpu_peak <= streaming.gpu_budget);
+        assert_true(sum.gpu_peak > streaming.gpu_budget / 3);
+        assert_true(sum.ram_peak <= streaming.ram_budget + cell); // what was begun is ended
+        assert_true(cells == 2 || sum.missing == 0);
+        hw_renderer_destroy(renderer);
+    }
+}
+
+static void test_draw_allocates_nothing(void **state)
+{
+    fixture *f = *state;
+    const hw_streaming streaming = {.loading = HW_LOADING_SIMULATED,
+                                    .gpu_budget = 1200000,
+                                    .ram_budget = 400000,
+                                    .bytes_per_second = 100000};
+    hw_renderer *renderer = open_renderer(f->dataset.folder, &streaming);
+    for (double t = 0; t < 8; t += FRAME) {
+        hw_camera camera = walk_camera(t);
+        hw_frame_stats stats;
+        hw_target_bind(f->target);
+        hw_alloc_fail_after(0);
+        assert_ok(hw_renderer_draw(renderer, &camera, &stats));
+        assert_true(t < 0.1 || hw_alloc_count() == 0);
+        hw_renderer_advance(renderer, FRAME);
+    }
+    hw_renderer_destroy(renderer);
+}
+
+// The limit of bandwidth counts in simulated time, waiting or not.
+static void test_simulated_waits(void **state)
+{
+    fixture *f = *state;
+    const hw_streaming streaming = {.loading = HW_LOADING_SIMULATED_WAITS,
+                                    .bytes_per_second = 10000};
+    hw_renderer *renderer = open_renderer(f->dataset.folder, &streaming);
+    uint32_t stalls = 0;
+    double waited_ms = 0;
+    hw_frame_stats stats = {0};
+    for (double t = 0; t < 10; t += FRAME) {
+        hw_camera camera = walk_camera(t);
+        stats = draw(f, renderer, &camera);
+        stalls += stats.stalls;
+        waited_ms += stats.stream.waited_ms;
+        assert_int_equal(stats.stream.missing, 0);
+        hw_renderer_advance(renderer, FRAME);
+    }
+    assert_true(stalls > 3);
+    double wanted_ms = (double)stats.stream.read_bytes / 10;
+    assert_true(waited_ms <= wanted_ms && waited_ms > wanted_ms * 0.8);
+    hw_renderer_destroy(renderer);
+}
+
+// ---- faults ----
+
+// The cell's file, or what hides it, under another name.
+static void hide_cells(const fixture *f, bool hide)
+{
+    char from[96], to[96];
+    snprintf(from, sizeof from, "%s/%s", f->dataset.folder, hide ? "cells" : "hidden");
+    snprintf(to, sizeof to, "%s/%s", f->dataset.folder, hide ? "hidden" : "cells");
+    assert_int_equal(rename(from, to), 0);
+}
+
+// One step of time, simulated or real.
+static hw_frame_stats step(const fixture *f, hw_renderer *renderer, const hw_camera *camera,
+                           bool real)
+{
+    hw_frame_stats stats = draw(f, renderer, camera);
+    if (real)
+        usleep(2000);
+    hw_renderer_advance(renderer, FRAME);
+    return stats;
+}
+
+// Whether a frame lacks nothing in the end.
+static bool catches_up(const fixture *f, hw_renderer *renderer, const hw_camera *camera, bool real)
+{
+    for (int i = 0; i < 5000; i++)
+        if (step(f, renderer, camera, real).stream.missing == 0)
+            return true;
+    return false;
+}
+
+static void check_vanished(fixture *f, hw_loading loading)
+{
+    const hw_streaming streaming = {.loading = loading};
+    bool real = loading == HW_LOADING_AHEAD;
+    hw_renderer *renderer = open_renderer(f->dataset.folder, &streaming);
+    hw_camera start = walk_camera(0), end = walk_camera(9);
+    hw_frame_stats stats = {0};
+    assert_true(catches_up(f, renderer, &start, real));
+    hide_cells(f, true);
+    for (int i = 0; i < 5000 && stats.stream.problem_count == 0; i++)
+        stats = step(f, renderer, &end, real);
+    assert_true(stats.stream.problem_count > 0);
+    assert_non_null(strstr(stats.stream.problem, ".hxc"));
+    assert_true(stats.stream.missing > 0 && stats.stream.late_cells > 0);
+    hide_cells(f, false);
+    assert_true(catches_up(f, renderer, &end, real));
+    hw_renderer_destroy(renderer);
+}
+
+static void test_vanished(void **state)
+{
+    check_vanished(*state, HW_LOADING_SIMULATED);
+}
+
+static void test_vanished_thread(void **state)
+{
+    check_vanished(*state, HW_LOADING_AHEAD);
+}
+
+// Every file cut in half, cells and meshes, while one walks.
+static void test_truncated(void **state)
+{
+    fixture *f = *state;
+    const hw_streaming streaming = {.loading = HW_LOADING_SIMULATED};
+    const hw_manifest *m = &f->dataset.manifest;
+    hw_renderer *renderer = open_renderer(f->dataset.folder, &streaming);
+    hw_camera start = walk_camera(0), end = walk_camera(9);
+    hw_frame_stats stats = {0};
+    assert_true(catches_up(f, renderer, &start, false));
+    for (uint32_t i = 0; i <= m->cell_count; i++) {
+        char *path = NULL;
+        if (i < m->cell_count)
+            assert_ok(hw_cell_path(&path, f->dataset.folder, m->cells[i].id));
+        else
+            assert_ok(hw_mesh_path(&path, f->dataset.folder, 0));
+        assert_int_equal(truncate(path, 1000), 0);
+        hw_free(path);
+    }
+    for (int i = 0; i < 60; i++)
+        stats = step(f, renderer, &end, false);
+    assert_true(stats.stream.problem_count > 0 && stats.stream.missing > 0);
+    for (uint32_t i = 0; i < m->cell_count; i++)
+        stream_write_cell(&f->dataset, m->cells[i].id);
+    stream_write_ball(&f->dataset);
+    assert_true(catches_up(f, renderer, &end, false));
+    hw_renderer_destroy(renderer);
+}
+
+// A first frame that cannot be had is an error, not a wait for ever.
+static void test_no_first_frame(void **state)
+{
+    fixture *f = *state;
+    const hw_loading loadings[] = {HW_LOADING_AHEAD, HW_LOADING_SIMULATED};
+    hw_camera camera = walk_camera(0);
+    for (int i = 0; i < 2; i++) {
+        const hw_streaming streaming = {.loading = loadings[i]};
+        hw_renderer *renderer = open_renderer(f->dataset.folder, &streaming);
+        hide_cells(f, true);
+        assert_int_equal(hw_renderer_draw(renderer, &camera, NULL), HW_IO);
+        assert_non_null(strstr(hw_error_text(), ".hxc"));
+        hide_cells(f, false);
+        hw_renderer_destroy(renderer);
+    }
+}
+
+// A real thread, a real web server, and all that can go wrong on the way.
+static void test_web(void **state)
+{
+    static const web_fault faults[] = {WEB_FINE,    WEB_HANG_UP, WEB_CUT,      WEB_LONG, WEB_SHORT,
+                                       WEB_CORRUPT, WEB_BUSY,    WEB_NO_RANGE, WEB_GONE};
+    fixture *f = *state;
+    web w;
+    web_open(&w, f->dataset.folder);
+    const hw_streaming streaming = {.loading = HW_LOADING_AHEAD};
+    hw_renderer *renderer = open_renderer(w.location, &streaming);
+    for (size_t i = 0; i < sizeof faults / sizeof *faults; i++) {
+        hw_camera camera = walk_camera((double)i);
+        web_misbehave(&w, faults[i], 2);
+        assert_true(catches_up(f, renderer, &camera, true));
+    }
+    hw_renderer_destroy(renderer);
+    web_close(&w);
+}
+
+// A web server that is away at the start is an error that names it; one that goes away later is a
+// problem, no more.
+static void test_web_goes(void **state)
+{
+    fixture *f = *state;
+    web w;
+    web_open(&w, f->dataset.folder);
+    const hw_streaming streaming = {.loading = HW_LOADING_AHEAD};
+    hw_renderer *renderer = open_renderer(w.location, &streaming);
+    hw_camera start = walk_camera(0), end = walk_camera(9);
+    assert_true(catches_up(f, renderer, &start, true));
+    web_close(&w);
+    for (int i = 0; i < 100; i++)
+        assert_int_equal(step(f, renderer, &end, true).stalls, 0);
+    hw_renderer_destroy(renderer);
+}
+
+// A walk with the thread, to be run under the thread sanitizer; quick turns make it give up wishes.
+static void test_thread(void **state)
+{
+    fixture *f = *state;
+    const hw_streaming streaming = {
+        .loading = HW_LOADING_AHEAD, .gpu_budget = 1500000, .ram_budget = 500000};
+    hw_renderer *renderer = open_renderer(f->dataset.folder, &streaming);
+    for (int i = 0; i < 400; i++) {
+        hw_camera camera = walk_camera(i * 0.05 - (i % 50 > 40 ? 3 : 0));
+        hw_frame_stats stats = draw(f, renderer, &camera);
+        assert_int_equal(stats.stream.problem_count, 0);
+        assert_true(stats.stream.gpu_bytes <= streaming.gpu_budget);
+        usleep(200);
+    }
+    hw_camera camera = walk_camera(5);
+    assert_true(catches_up(f, renderer, &camera, true));
+    hw_renderer_destroy(renderer);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_priorities),
+        cmocka_unit_test(test_entries),
+        cmocka_unit_test(test_nothing_missing),
+        cmocka_unit_test(test_late_data),
+        cmocka_unit_test(test_same_frames),
+        cmocka_unit_test(test_budgets),
+        cmocka_unit_test(test_draw_allocates_nothing),
+        cmocka_unit_test(test_simulated_waits),
+        cmocka_unit_test(test_vanished),
+        cmocka_unit_test(test_vanished_thread),
+        cmocka_unit_test(test_truncated),
+        cmocka_unit_test(test_no_first_frame),
+        cmocka_unit_test(test_web),
+        cmocka_unit_test(test_web_goes),
+        cmocka_unit_test(test_thread),
+    };
+    return cmocka_run_group_tests_name("prefetch", tests, open_fixture, close_fixture);
+}
