@@ -10,6 +10,8 @@
 #define WIDE       3.0 // margins round an object within which a ray is close
 #define SEEDS      8u  // rays to an object that are followed up, the last found
 #define FOLLOW_UPS 4u  // packets after one that came close, for each eye
+#define MORE       64u // packets for each eye that all objects still hidden share once more,
+#define MORE_EYES  15u // from so many times the eyes at most
 #define STEP_MAX   0.2 // of a ray's ends when it is followed up, in cell sizes
 #define OCTAVES    8.0 // by which the least step is smaller
 
@@ -219,14 +221,15 @@ static hw_vec3 clamp_to_cell(const search *s, hw_vec3 p)
     return p;
 }
 
-// Rays near those that came close, and near those of them that come close again.
-static bool follow_up(const search *s, target *t)
+// Rays near those that came close, and near those of them that come close again. Other ones in
+// another pass.
+static bool follow_up(const search *s, target *t, uint32_t packets, uint32_t pass)
 {
     const hw_occlusion *o = s->occlusion;
     double step = STEP_MAX * s->side;
     const uint32_t place[] = {(uint32_t)s->id.q, (uint32_t)s->id.r, t->object_idx};
-    hw_rng rng = hw_rng_make(7, hw_hash(7, place, sizeof place));
-    for (uint32_t i = 0; i < FOLLOW_UPS * o->options.eyes && t->seed_count > 0; i++) {
+    hw_rng rng = hw_rng_make(7 + pass, hw_hash(7, place, sizeof place));
+    for (uint32_t i = 0; i < packets && t->seed_count > 0; i++) {
         const seed from = t->seeds[i % (t->seed_count < SEEDS ? t->seed_count : SEEDS)];
         hw_vec3 points[HW_RAYS_PACKET], eye = clamp_to_cell(s, step_from(from.eye, step, &rng));
         for (uint32_t n = 0; n < HW_RAYS_PACKET; n++) {
@@ -239,6 +242,23 @@ static bool follow_up(const search *s, target *t)
     return false;
 }
 
+// Looks from eyes first to before end, then follows up.
+static void search_pass(search *s, const hw_vec3 *eyes, uint32_t first, uint32_t end,
+                        uint32_t packets, uint32_t pass)
+{
+    uint32_t left = 0;
+    for (uint32_t i = first; i < end && s->open_count > 0; i++)
+        look_from(s, eyes[i], i);
+    for (uint32_t k = 0; k < s->open_count; k++) {
+        target *t = &s->open[k];
+        s->seen[t->object_idx] = follow_up(s, t, packets, pass);
+        if (!s->seen[t->object_idx])
+            s->open[left++] = *t;
+    }
+    s->open_count = left;
+}
+
+// Where few objects are hidden there is time to look for each of them longer.
 static hw_status search_cell(const hw_occlusion *o, hw_cell_id id, bool *seen)
 {
     hw_status status = HW_OK;
@@ -246,12 +266,13 @@ static hw_status search_cell(const hw_occlusion *o, hw_cell_id id, bool *seen)
     uint32_t count = o->options.eyes;
     hw_vec3 *eyes = NULL;
     HW_GO(search_make(&s));
-    HW_GO(HW_NEW(&eyes, count));
-    hw_cell_eyes(&o->grid, id, count, eyes);
-    for (uint32_t i = 0; i < count && s.open_count > 0; i++)
-        look_from(&s, eyes[i], i);
-    for (uint32_t k = 0; k < s.open_count; k++)
-        seen[s.open[k].object_idx] = follow_up(&s, &s.open[k]);
+    HW_GO(HW_NEW(&eyes, (size_t)count * (1 + MORE_EYES)));
+    hw_cell_eyes(&o->grid, id, count * (1 + MORE_EYES), eyes);
+    search_pass(&s, eyes, 0, count, FOLLOW_UPS * count, 0);
+    if (s.open_count > 0) {
+        uint32_t packets = MORE * count / s.open_count, more = MORE_EYES * count;
+        search_pass(&s, eyes, count, count + (packets < more ? packets : more), packets, 1);
+    }
 out:
     hw_free(s.open);
     hw_free(eyes);
