@@ -103,6 +103,7 @@ static uint64_t make_key(const build *b)
                               o->chain.pull_back,
                               o->cull,
                               o->cull ? o->occlusion.eyes : 0,
+                              o->cull ? o->occlusion.more : 0,
                               needs_occlusion(o) ? o->occlusion.face_eyes : 0,
                               o->cull ? o->occlusion.margin : 0,
                               o->clusters,

@@ -10,8 +10,7 @@
 #define WIDE       3.0 // margins round an object within which a ray is close
 #define SEEDS      8u  // rays to an object that are followed up, the last found
 #define FOLLOW_UPS 4u  // packets after one that came close, for each eye
-#define MORE       64u // packets for each eye that all objects still hidden share once more,
-#define MORE_EYES  15u // from so many times the eyes at most
+#define MORE_EYES  15u // times the eyes, from which objects are looked for once more, at most
 #define STEP_MAX   0.2 // of a ray's ends when it is followed up, in cell sizes
 #define OCTAVES    8.0 // by which the least step is smaller
 
@@ -26,7 +25,7 @@ struct hw_occlusion {
 
 hw_occlusion_options hw_occlusion_defaults(void)
 {
-    return (hw_occlusion_options){.eyes = 256, .face_eyes = 96, .margin = 0.1};
+    return (hw_occlusion_options){.eyes = 256, .more = 64, .face_eyes = 96, .margin = 0.1};
 }
 
 hw_status hw_occlusion_create(hw_occlusion **out, const hw_scene *scene, const hw_rays *rays,
@@ -269,8 +268,8 @@ static hw_status search_cell(const hw_occlusion *o, hw_cell_id id, bool *seen)
     HW_GO(HW_NEW(&eyes, (size_t)count * (1 + MORE_EYES)));
     hw_cell_eyes(&o->grid, id, count * (1 + MORE_EYES), eyes);
     search_pass(&s, eyes, 0, count, FOLLOW_UPS * count, 0);
-    if (s.open_count > 0) {
-        uint32_t packets = MORE * count / s.open_count, more = MORE_EYES * count;
+    if (s.open_count > 0 && o->options.more > 0) {
+        uint32_t packets = o->options.more * count / s.open_count, more = MORE_EYES * count;
         search_pass(&s, eyes, count, count + (packets < more ? packets : more), packets, 1);
     }
 out:

@@ -12,7 +12,8 @@
 
 typedef struct hw_occlusion_options {
     uint32_t eyes;      // of a cell, from which no object is seen that counts as hidden
-    uint32_t face_eyes; // likewise a face
+    uint32_t more;      // packets for each eye that what is still hidden then shares once more
+    uint32_t face_eyes; // of a cell, from which no face is seen that counts as hidden
     double margin;      // round an object's box, in cell sizes; half as much above
 } hw_occlusion_options;
 hw_occlusion_options hw_occlusion_defaults(void);

@@ -232,6 +232,7 @@ int main(int argc, char **argv)
     hw_occlusion_options o = hw_occlusion_defaults();
     o.eyes = (uint32_t)argument(argc, argv, 5, broken ? 1 : o.eyes);
     o.margin = argument(argc, argv, 6, broken ? 0 : o.margin);
+    o.more = broken ? 0 : o.more;
     check c = {.dataset = is_scene ? NULL : argv[1],
                .scene_path = argv[1],
                .options = o,
