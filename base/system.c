@@ -1,4 +1,7 @@
 #include "system.h"
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
 #include <stdio.h>
 #include <string.h>
 #include <time.h>
@@ -10,11 +13,21 @@ double hw_clock_ms(void)
     return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
 }
 
-double hw_thread_seconds(void)
+static double processor_seconds(clockid_t clock)
 {
     struct timespec t;
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+    clock_gettime(clock, &t);
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+double hw_thread_seconds(void)
+{
+    return processor_seconds(CLOCK_THREAD_CPUTIME_ID);
+}
+
+double hw_process_seconds(void)
+{
+    return processor_seconds(CLOCK_PROCESS_CPUTIME_ID);
 }
 
 // A "Name:   123 kB" line of /proc/self/status in bytes.
@@ -41,4 +54,13 @@ uint64_t hw_rss_bytes(void)
 uint64_t hw_rss_peak_bytes(void)
 {
     return status_line_bytes("VmHWM:");
+}
+
+void hw_memory_trim(void)
+{
+#ifdef __GLIBC__
+    (void)mallopt(M_MMAP_THRESHOLD, 128 * 1024);
+    (void)mallopt(M_ARENA_MAX, 2);
+    (void)malloc_trim(0);
+#endif
 }

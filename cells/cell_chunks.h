@@ -10,6 +10,9 @@
     X(FARS, HW_FOURCC('F', 'A', 'R', 'S'))                                                         \
     X(VERT, HW_FOURCC('V', 'E', 'R', 'T'))                                                         \
     X(INDX, HW_FOURCC('I', 'N', 'D', 'X'))                                                         \
+    X(VIEW, HW_FOURCC('V', 'I', 'E', 'W'))                                                         \
+    X(RNGE, HW_FOURCC('R', 'N', 'G', 'E'))                                                         \
+    X(COLR, HW_FOURCC('C', 'O', 'L', 'R'))                                                         \
     X(ATLS, HW_FOURCC('A', 'T', 'L', 'S'))                                                         \
     X(COVR, HW_FOURCC('C', 'O', 'V', 'R'))
 

@@ -8,9 +8,12 @@
 #include <stdio.h>
 #include <string.h>
 
-// Bytes of one record in the chunks NEAR and FARS.
-#define NEAR_BYTES 8u
-#define FAR_BYTES  84u
+// Bytes of one record in the chunks NEAR, FARS, VIEW and RNGE.
+#define NEAR_BYTES  8u
+#define FAR_BYTES   92u
+#define VIEW_BYTES  48u
+#define RANGE_BYTES 8u
+#define RANGES_MAX  (1u << HW_FAR_VIEWS_MAX) // of one far record
 // Bytes of one 4 x 4 block of BC1.
 #define BLOCK_BYTES 8u
 
@@ -28,6 +31,9 @@ void hw_cell_free(hw_cell *cell)
     hw_free(cell->far);
     hw_free(cell->vertices);
     hw_free(cell->indices);
+    hw_free(cell->views);
+    hw_free(cell->ranges);
+    hw_free(cell->colors);
     hw_free(cell->atlas_bc1);
     hw_free(cell->coverage_bc4);
     *cell = (hw_cell){0};
@@ -49,10 +55,14 @@ static hw_status validate_counts(const hw_cell *c, const char *name)
     if (!hw_v3_finite(c->centre))
         return hw_fail(HW_FORMAT, "%s: the centre is not finite", name);
     if (c->near_count > HW_CELL_NEAR_MAX || c->far_count > HW_CELL_RECORDS_MAX ||
-        c->vertex_count > HW_CELL_VERTICES_MAX || c->index_count > HW_CELL_INDICES_MAX)
-        return hw_fail(HW_FORMAT, "%s: too many records, vertices or indices", name);
+        c->vertex_count > HW_CELL_VERTICES_MAX || c->index_count > HW_CELL_INDICES_MAX ||
+        c->view_count > c->far_count * (HW_FAR_VIEWS_MAX - 1) ||
+        c->range_count > c->far_count * RANGES_MAX || c->color_count > c->vertex_count)
+        return hw_fail(HW_FORMAT, "%s: too many records, vertices, indices, views, ranges or colours", name);
     if ((c->near_count && !c->near) || (c->far_count && !c->far) ||
-        (c->vertex_count && !c->vertices) || (c->index_count && !c->indices))
+        (c->vertex_count && !c->vertices) || (c->index_count && !c->indices) ||
+        (c->view_count && !c->views) || (c->range_count && !c->ranges) ||
+        (c->color_count && !c->colors))
         return hw_fail(HW_FORMAT, "%s: an array is missing", name);
     if (c->atlas_width > HW_CELL_ATLAS_MAX || c->atlas_height > HW_CELL_ATLAS_MAX ||
         c->atlas_width % 4 || c->atlas_height % 4)
@@ -72,6 +82,13 @@ static bool is_range(float min, float max)
     return isfinite(min) && isfinite(max) && min < max;
 }
 
+static bool is_in_atlas(const hw_cell *c, const hw_rect *rect)
+{
+    return rect->width > 0 && rect->height > 0 &&
+           (uint64_t)rect->x + rect->width <= c->atlas_width &&
+           (uint64_t)rect->y + rect->height <= c->atlas_height;
+}
+
 static hw_status validate_far_place(const hw_cell *c, uint32_t index, const char *name)
 {
     const hw_far_record *f = &c->far[index];
@@ -85,9 +102,7 @@ static hw_status validate_far_place(const hw_cell *c, uint32_t index, const char
         f->bounds.min.x > f->bounds.max.x || f->bounds.min.y > f->bounds.max.y ||
         f->bounds.min.z > f->bounds.max.z)
         return hw_fail(HW_FORMAT, "%s: far object %u: bounds are empty or not finite", name, index);
-    if (f->rect.width == 0 || f->rect.height == 0 ||
-        (uint64_t)f->rect.x + f->rect.width > c->atlas_width ||
-        (uint64_t)f->rect.y + f->rect.height > c->atlas_height)
+    if (!is_in_atlas(c, &f->rect))
         return hw_fail(HW_FORMAT, "%s: far object %u: its texture lies outside of the atlas", name,
                        index);
     return HW_OK;
@@ -116,22 +131,65 @@ static hw_status validate_far_mesh(const hw_cell *c, uint32_t index, uint32_t fi
     return HW_OK;
 }
 
+static hw_status validate_view(const hw_cell *c, uint32_t index, const hw_far_view *v,
+                               const char *name)
+{
+    if (v->face > 5 || !hw_v3_finite(v->eye) || !is_range(v->x_min, v->x_max) ||
+        !is_range(v->y_min, v->y_max) || !is_in_atlas(c, &v->rect))
+        return hw_fail(HW_FORMAT, "%s: far object %u: a view from nowhere or of nothing", name,
+                       index);
+    return HW_OK;
+}
+
+// Views and ranges of one record; they begin where those of the one before ended.
+static hw_status validate_far_views(const hw_cell *c, uint32_t index, uint32_t first_view,
+                                    uint32_t first_range, const char *name)
+{
+    const hw_far_record *f = &c->far[index];
+    if (f->first_view != first_view || f->view_count >= HW_FAR_VIEWS_MAX ||
+        f->view_count > c->view_count - first_view || f->first_range != first_range ||
+        f->range_count > RANGES_MAX || f->range_count > c->range_count - first_range ||
+        (f->view_count && !f->range_count) || (f->cut_out && f->range_count))
+        return hw_fail(HW_FORMAT, "%s: far object %u: views or ranges out of place", name, index);
+    for (uint32_t i = 0; i < f->view_count; i++)
+        HW_TRY(validate_view(c, index, &c->views[first_view + i], name));
+    uint64_t indices = 0;
+    for (uint32_t i = 0; i < f->range_count; i++) {
+        const hw_far_range *range = &c->ranges[first_range + i];
+        indices += range->index_count;
+        if (range->index_count % 3 || range->views >> (f->view_count + 1))
+            return hw_fail(HW_FORMAT, "%s: far object %u: range %u is broken", name, index, i);
+        if (!range->views && f->first_vertex + f->vertex_count > c->color_count)
+            return hw_fail(HW_FORMAT, "%s: far object %u: colours are missing", name, index);
+    }
+    if (f->range_count && indices != f->index_count)
+        return hw_fail(HW_FORMAT, "%s: far object %u: ranges of %llu indices for %u", name, index,
+                       (unsigned long long)indices, f->index_count);
+    return HW_OK;
+}
+
 hw_status hw_cell_validate(const hw_cell *cell, const char *name)
 {
     HW_TRY(validate_counts(cell, name));
     for (uint32_t i = 0; i < cell->near_count; i++)
         if (cell->near[i].level >= HW_MESH_LEVELS_MAX)
             return hw_fail(HW_FORMAT, "%s: near object %u: level %u", name, i, cell->near[i].level);
-    uint32_t first_vertex = 0, first_index = 0;
+    uint32_t first_vertex = 0, first_index = 0, first_view = 0, first_range = 0;
     for (uint32_t i = 0; i < cell->far_count; i++) {
         HW_TRY(validate_far_place(cell, i, name));
         HW_TRY(validate_far_mesh(cell, i, first_vertex, first_index, name));
+        HW_TRY(validate_far_views(cell, i, first_view, first_range, name));
         first_vertex += cell->far[i].vertex_count;
         first_index += cell->far[i].index_count;
+        first_view += cell->far[i].view_count;
+        first_range += cell->far[i].range_count;
     }
     if (first_vertex != cell->vertex_count || first_index != cell->index_count)
         return hw_fail(HW_FORMAT, "%s: %u vertices and %u indices belong to no far object", name,
                        cell->vertex_count - first_vertex, cell->index_count - first_index);
+    if (first_view != cell->view_count || first_range != cell->range_count)
+        return hw_fail(HW_FORMAT, "%s: %u views and %u ranges belong to no far object", name,
+                       cell->view_count - first_view, cell->range_count - first_range);
     return HW_OK;
 }
 
@@ -157,6 +215,9 @@ static void put_info(hw_bytes_writer *w, const hw_cell *c)
     hw_put_u32(w, c->index_count);
     hw_put_u32(w, c->atlas_width);
     hw_put_u32(w, c->atlas_height);
+    hw_put_u32(w, c->view_count);
+    hw_put_u32(w, c->range_count);
+    hw_put_u32(w, c->color_count);
 }
 
 static void put_near(hw_bytes_writer *w, const hw_cell *c)
@@ -190,7 +251,38 @@ static shifts find_shifts(const hw_cell *c, const hw_far_record *f)
     return (shifts){zero_bits(x), zero_bits(y), zero_bits(z)};
 }
 
-// The first vertex and index of a record are the sums of the counts before it: not stored.
+static void put_rect(hw_bytes_writer *w, const hw_rect *rect)
+{
+    hw_put_u32(w, rect->x);
+    hw_put_u32(w, rect->y);
+    hw_put_u32(w, rect->width);
+    hw_put_u32(w, rect->height);
+}
+
+static void put_views(hw_bytes_writer *w, const hw_cell *c)
+{
+    for (uint32_t i = 0; i < c->view_count; i++) {
+        const hw_far_view *v = &c->views[i];
+        put_vec3(w, v->eye);
+        hw_put_u32(w, v->face);
+        hw_put_f32(w, v->x_min);
+        hw_put_f32(w, v->x_max);
+        hw_put_f32(w, v->y_min);
+        hw_put_f32(w, v->y_max);
+        put_rect(w, &v->rect);
+    }
+}
+
+static void put_ranges(hw_bytes_writer *w, const hw_cell *c)
+{
+    for (uint32_t i = 0; i < c->range_count; i++) {
+        hw_put_u32(w, c->ranges[i].views);
+        hw_put_u32(w, c->ranges[i].index_count);
+    }
+}
+
+// What a record begins with (its first vertex, index, view and range) is the sum of the counts
+// before it: not stored.
 static void put_far(hw_bytes_writer *w, const hw_far_record *f, shifts s)
 {
     hw_put_u32(w, f->object_idx);
@@ -204,12 +296,11 @@ static void put_far(hw_bytes_writer *w, const hw_far_record *f, shifts s)
     hw_put_f32(w, f->iz_max);
     put_vec3(w, f->bounds.min);
     put_vec3(w, f->bounds.max);
-    hw_put_u32(w, f->rect.x);
-    hw_put_u32(w, f->rect.y);
-    hw_put_u32(w, f->rect.width);
-    hw_put_u32(w, f->rect.height);
+    put_rect(w, &f->rect);
     hw_put_u32(w, f->vertex_count);
     hw_put_u32(w, f->index_count);
+    hw_put_u32(w, f->view_count);
+    hw_put_u32(w, f->range_count);
     hw_put_u8(w, s.x);
     hw_put_u8(w, s.y);
     hw_put_u8(w, s.z);
@@ -314,6 +405,12 @@ hw_status hw_cell_to_chunks(const hw_cell *cell, hw_cell_chunks *out)
                              &out->size[HW_CELL_CHUNK_VERT]));
     HW_GO(hw_indices_encode(cell->indices, cell->index_count, cell->vertex_count,
                             &data[HW_CELL_CHUNK_INDX], &out->size[HW_CELL_CHUNK_INDX]));
+    put_views(&w, cell);
+    HW_GO(take(&w, out, HW_CELL_CHUNK_VIEW));
+    put_ranges(&w, cell);
+    HW_GO(take(&w, out, HW_CELL_CHUNK_RNGE));
+    HW_GO(hw_vertices_encode(cell->colors, cell->color_count, sizeof *cell->colors,
+                             &data[HW_CELL_CHUNK_COLR], &out->size[HW_CELL_CHUNK_COLR]));
     HW_GO(split_atlas(cell->atlas_bc1, atlas_bytes(cell), &data[HW_CELL_CHUNK_ATLS]));
     out->size[HW_CELL_CHUNK_ATLS] = atlas_bytes(cell);
     HW_GO(split_coverage(cell->coverage_bc4, atlas_bytes(cell), &data[HW_CELL_CHUNK_COVR]));
@@ -379,6 +476,9 @@ static hw_status get_info(const char *name, const hw_cell_chunks *chunks, hw_cel
     c->index_count = hw_get_u32(&r);
     c->atlas_width = hw_get_u32(&r);
     c->atlas_height = hw_get_u32(&r);
+    c->view_count = hw_get_u32(&r);
+    c->range_count = hw_get_u32(&r);
+    c->color_count = hw_get_u32(&r);
     if (r.failed || hw_bytes_left(&r) > 0)
         return hw_fail(HW_FORMAT, "%s: chunk INFO has a wrong size", name);
     return HW_OK;
@@ -394,10 +494,18 @@ static hw_status check_sizes(const char *name, const hw_cell_chunks *chunks, con
     size_t blocks = (size_t)(c->atlas_width / 4) * (c->atlas_height / 4);
     if (chunks->size[HW_CELL_CHUNK_NEAR] != (size_t)c->near_count * NEAR_BYTES ||
         chunks->size[HW_CELL_CHUNK_FARS] != (size_t)c->far_count * FAR_BYTES ||
+        chunks->size[HW_CELL_CHUNK_VIEW] != (size_t)c->view_count * VIEW_BYTES ||
+        chunks->size[HW_CELL_CHUNK_RNGE] != (size_t)c->range_count * RANGE_BYTES ||
         chunks->size[HW_CELL_CHUNK_ATLS] != blocks * BLOCK_BYTES ||
         chunks->size[HW_CELL_CHUNK_COVR] != blocks * BLOCK_BYTES)
         return hw_fail(HW_FORMAT, "%s: counts and sizes of chunks disagree", name);
     return HW_OK;
+}
+
+static hw_rect get_rect(hw_bytes_reader *r)
+{
+    uint32_t x = hw_get_u32(r), y = hw_get_u32(r), width = hw_get_u32(r), height = hw_get_u32(r);
+    return (hw_rect){x, y, width, height};
 }
 
 static void get_far(hw_bytes_reader *r, hw_far_record *f)
@@ -415,12 +523,11 @@ static void get_far(hw_bytes_reader *r, hw_far_record *f)
     f->iz_max = hw_get_f32(r);
     f->bounds.min = get_vec3(r);
     f->bounds.max = get_vec3(r);
-    f->rect.x = hw_get_u32(r);
-    f->rect.y = hw_get_u32(r);
-    f->rect.width = hw_get_u32(r);
-    f->rect.height = hw_get_u32(r);
+    f->rect = get_rect(r);
     f->vertex_count = hw_get_u32(r);
     f->index_count = hw_get_u32(r);
+    f->view_count = hw_get_u32(r);
+    f->range_count = hw_get_u32(r);
     (void)hw_get_u32(r); // shifts: see put_back_low_bits
 }
 
@@ -435,20 +542,49 @@ static hw_status get_records(const hw_cell_chunks *chunks, hw_cell *c)
         c->near[i].level = hw_get_u32(&r);
     }
     r = hw_bytes_reader_make(chunks->data[HW_CELL_CHUNK_FARS], chunks->size[HW_CELL_CHUNK_FARS]);
-    uint32_t first_vertex = 0, first_index = 0; // may wrap: validation then stops at the record
+    // May wrap: validation then stops at the record.
+    uint32_t first_vertex = 0, first_index = 0, first_view = 0, first_range = 0;
     for (uint32_t i = 0; i < c->far_count; i++) {
         get_far(&r, &c->far[i]);
         c->far[i].first_vertex = first_vertex;
         c->far[i].first_index = first_index;
+        c->far[i].first_view = first_view;
+        c->far[i].first_range = first_range;
         first_vertex += c->far[i].vertex_count;
         first_index += c->far[i].index_count;
+        first_view += c->far[i].view_count;
+        first_range += c->far[i].range_count;
+    }
+    return HW_OK;
+}
+
+static hw_status get_views(const hw_cell_chunks *chunks, hw_cell *c)
+{
+    HW_TRY(HW_NEW(&c->views, c->view_count));
+    HW_TRY(HW_NEW(&c->ranges, c->range_count));
+    hw_bytes_reader r =
+        hw_bytes_reader_make(chunks->data[HW_CELL_CHUNK_VIEW], chunks->size[HW_CELL_CHUNK_VIEW]);
+    for (uint32_t i = 0; i < c->view_count; i++) {
+        hw_far_view *v = &c->views[i];
+        v->eye = get_vec3(&r);
+        v->face = hw_get_u32(&r);
+        v->x_min = hw_get_f32(&r);
+        v->x_max = hw_get_f32(&r);
+        v->y_min = hw_get_f32(&r);
+        v->y_max = hw_get_f32(&r);
+        v->rect = get_rect(&r);
+    }
+    r = hw_bytes_reader_make(chunks->data[HW_CELL_CHUNK_RNGE], chunks->size[HW_CELL_CHUNK_RNGE]);
+    for (uint32_t i = 0; i < c->range_count; i++) {
+        c->ranges[i].views = hw_get_u32(&r);
+        c->ranges[i].index_count = hw_get_u32(&r);
     }
     return HW_OK;
 }
 
 static hw_status get_geometry(const char *name, const hw_cell_chunks *chunks, hw_cell *c)
 {
-    void *vertices = NULL;
+    void *vertices = NULL, *colors = NULL;
     hw_status status =
         hw_vertices_decode(chunks->data[HW_CELL_CHUNK_VERT], chunks->size[HW_CELL_CHUNK_VERT],
                            c->vertex_count, sizeof *c->vertices, &vertices);
@@ -457,6 +593,11 @@ static hw_status get_geometry(const char *name, const hw_cell_chunks *chunks, hw
         status =
             hw_indices_decode(chunks->data[HW_CELL_CHUNK_INDX], chunks->size[HW_CELL_CHUNK_INDX],
                               c->index_count, c->vertex_count, &c->indices);
+    if (status == HW_OK)
+        status =
+            hw_vertices_decode(chunks->data[HW_CELL_CHUNK_COLR], chunks->size[HW_CELL_CHUNK_COLR],
+                               c->color_count, sizeof *c->colors, &colors);
+    c->colors = colors;
     return status == HW_OK ? HW_OK : hw_fail_prefix(status, name);
 }
 
@@ -492,6 +633,7 @@ hw_status hw_cell_from_chunks(const char *name, uint64_t key, const hw_cell_chun
     HW_GO(get_info(name, chunks, out));
     HW_GO(check_sizes(name, chunks, out));
     HW_GO(get_records(chunks, out));
+    HW_GO(get_views(chunks, out));
     HW_GO(get_geometry(name, chunks, out));
     if (out->atlas_width) {
         HW_GO(join_atlas(chunks->data[HW_CELL_CHUNK_ATLS], chunks->size[HW_CELL_CHUNK_ATLS],
@@ -616,4 +758,40 @@ hw_mat4 hw_far_record_matrix(const hw_far_record *record, hw_vec3 centre)
     m.m[11] = dz;
     m.m[15] = record->iz_min;
     return m;
+}
+
+hw_mat4 hw_far_view_matrix(const hw_far_record *record, hw_vec3 centre, const hw_far_view *view)
+{
+    const hw_rect *rect = view ? &view->rect : &record->rect;
+    hw_mat4 out = {{0}};
+    if (!view) {
+        out.m[0] = rect->width / 65535.0;
+        out.m[5] = rect->height / 65535.0;
+        out.m[12] = rect->x;
+        out.m[13] = rect->y;
+        out.m[15] = 1;
+        return out;
+    }
+    hw_vec3 axis, right, up;
+    hw_mat4 world = hw_far_record_matrix(record, centre);
+    hw_face_basis((int)view->face, &axis, &right, &up);
+    const double e[3] = {view->eye.x, view->eye.y, view->eye.z};
+    const double a[3] = {axis.x, axis.y, axis.z};
+    const double r[3] = {right.x, right.y, right.z};
+    const double u[3] = {up.x, up.y, up.z};
+    double scale_x = rect->width / ((double)view->x_max - view->x_min);
+    double scale_y = rect->height / ((double)view->y_max - view->y_min);
+    for (int k = 0; k < 4; k++) {
+        double depth = 0, x = 0, y = 0; // of column k, seen from the eye
+        for (int i = 0; i < 3; i++) {
+            double rel = world.m[4 * k + i] - e[i] * world.m[4 * k + 3];
+            depth += a[i] * rel;
+            x += r[i] * rel;
+            y += u[i] * rel;
+        }
+        out.m[4 * k] = (x - view->x_min * depth) * scale_x + rect->x * depth;
+        out.m[4 * k + 1] = (y - view->y_min * depth) * scale_y + rect->y * depth;
+        out.m[4 * k + 3] = depth;
+    }
+    return out;
 }

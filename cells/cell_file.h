@@ -16,15 +16,17 @@
 #include "atlas.h"
 #include "container.h"
 #include "hexgrid.h"
+#include "mesh.h"
 #include "status.h"
 
 #define HW_CELL_MAGIC        HW_FOURCC('H', 'X', 'W', 'C')
-#define HW_CELL_VERSION      2u
+#define HW_CELL_VERSION      3u
 #define HW_CELL_RECORDS_MAX  65535u     // far records
 #define HW_CELL_NEAR_MAX     (1u << 24) // near records
 #define HW_CELL_VERTICES_MAX (1u << 26)
 #define HW_CELL_INDICES_MAX  (1u << 28)
 #define HW_CELL_ATLAS_MAX    8192u
+#define HW_FAR_VIEWS_MAX     8u // captures of one far record, its own among them
 
 typedef struct hw_near_record {
     uint32_t object_idx; // into the manifest's objects
@@ -42,7 +44,25 @@ typedef struct hw_far_record {
     uint32_t first_vertex, vertex_count;
     uint32_t first_index, index_count; // indices are absolute (into hw_cell.vertices) and stay
                                        // within the record's vertices
+    uint32_t first_view, view_count;   // further captures; only of records with ranges
+    uint32_t first_range, range_count; // of its triangles; none: its own capture serves all
 } hw_far_record;
+
+// A further capture of a far record: through a window of the plane at distance 1 from `eye` along
+// the axis of `face`.
+typedef struct hw_far_view {
+    hw_vec3 eye; // world
+    uint32_t face;
+    float x_min, x_max, y_min, y_max; // of the rectangle
+    hw_rect rect;                     // in the atlas, texels; without the padding
+} hw_far_view;
+
+// Triangles of a far record that the same captures see.
+typedef struct hw_far_range {
+    uint32_t views; // bit 0: the record's own capture, bit k: its k-th further one; 0: none, the
+                    // triangles are drawn in the colours of their vertices
+    uint32_t index_count;
+} hw_far_range;
 
 typedef struct hw_far_vertex {
     uint16_t x, y, z;
@@ -55,10 +75,14 @@ typedef struct hw_cell {
     hw_vec3 centre;
     uint64_t key; // of the build that made it
     uint32_t near_count, far_count, vertex_count, index_count;
+    uint32_t view_count, range_count, color_count;
     hw_near_record *near;
-    hw_far_record *far; // records' vertex and index ranges tile the arrays in order
+    hw_far_record *far; // records' vertices, indices, views and ranges tile the arrays in order
     hw_far_vertex *vertices;
     uint32_t *indices;
+    hw_far_view *views;
+    hw_far_range *ranges; // the indices of a record's ranges tile those of the record in order
+    hw_color8 *colors;    // of the first color_count vertices, alpha 255 (where used)
     uint32_t atlas_width, atlas_height; // multiples of 4; 0 x 0 when there are no far objects
     uint8_t *atlas_bc1;                 // colours
     uint8_t *coverage_bc4;              // of the atlas's texels by the object, 255 = all
@@ -85,3 +109,6 @@ HW_MUST_USE hw_status hw_cell_path(char **out, const char *dataset, hw_cell_id i
 // World from image space of a record: maps (x, y, z, 1) with x, y, z as the 16-bit integers to
 // homogeneous world coordinates.
 hw_mat4 hw_far_record_matrix(const hw_far_record *record, hw_vec3 centre);
+// Atlas texels of a capture from image space of the record: maps (x, y, z, 1) to (u w, v w, 0, w)
+// where (u, v) are texels. `view` NULL: the record's own capture.
+hw_mat4 hw_far_view_matrix(const hw_far_record *record, hw_vec3 centre, const hw_far_view *view);

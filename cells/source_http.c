@@ -1,8 +1,11 @@
-// Files of a web server; the only file that knows libcurl.
+// Files of a web server; the only file that knows libcurl. It is loaded when it is first needed:
+// its two dozen libraries take memory that a walk through a folder is better without.
+#define CURL_DISABLE_TYPECHECK
 #include "alloc.h"
 #include "source_internal.h"
 #include "system.h"
 #include <curl/curl.h>
+#include <dlfcn.h>
 #include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,15 +17,45 @@
 
 static pthread_once_t curl_once = PTHREAD_ONCE_INIT;
 
-static void start_curl(void)
+// What is called of it.
+static struct {
+    CURLcode (*global_init)(long);
+    CURL *(*init)(void);
+    void (*cleanup)(CURL *);
+    void (*reset)(CURL *);
+    CURLcode (*setopt)(CURL *, CURLoption, ...);
+    CURLcode (*getinfo)(CURL *, CURLINFO, ...);
+    CURLcode (*perform)(CURL *);
+    const char *(*strerror)(CURLcode);
+    bool loaded;
+} curl;
+
+// ISO C has no conversion between pointers to objects and to functions; POSIX has.
+static bool find(void *library, const char *name, void *function)
 {
-    curl_global_init(CURL_GLOBAL_DEFAULT);
+    void *symbol = dlsym(library, name);
+    memcpy(function, &symbol, sizeof symbol);
+    return symbol != NULL;
+}
+
+static void load_curl(void)
+{
+    void *library = dlopen("libcurl.so.4", RTLD_NOW | RTLD_LOCAL);
+    curl.loaded = library && find(library, "curl_global_init", &curl.global_init) &&
+                  find(library, "curl_easy_init", &curl.init) &&
+                  find(library, "curl_easy_cleanup", &curl.cleanup) &&
+                  find(library, "curl_easy_reset", &curl.reset) &&
+                  find(library, "curl_easy_setopt", &curl.setopt) &&
+                  find(library, "curl_easy_getinfo", &curl.getinfo) &&
+                  find(library, "curl_easy_perform", &curl.perform) &&
+                  find(library, "curl_easy_strerror", &curl.strerror) &&
+                  curl.global_init(CURL_GLOBAL_DEFAULT) == CURLE_OK;
 }
 
 // One attempt as curl's callbacks see it.
 typedef struct transfer {
     hw_fetch *fetch;
-    CURL *curl;
+    CURL *handle;
     uint64_t passed;                  // body bytes seen, those before a wanted range too
     uint64_t range_first, file_bytes; // of Content-Range
     bool has_range, sized;
@@ -35,7 +68,7 @@ typedef struct transfer {
 static long response_code(const transfer *t)
 {
     long code = 0;
-    curl_easy_getinfo(t->curl, CURLINFO_RESPONSE_CODE, &code);
+    curl.getinfo(t->handle, CURLINFO_RESPONSE_CODE, &code);
     return code;
 }
 
@@ -65,7 +98,7 @@ static hw_status size_block(transfer *t)
     hw_fetch *f = t->fetch;
     curl_off_t length = -1;
     bool partial = response_code(t) == HTTP_PARTIAL;
-    curl_easy_getinfo(t->curl, CURLINFO_CONTENT_LENGTH_DOWNLOAD_T, &length);
+    curl.getinfo(t->handle, CURLINFO_CONTENT_LENGTH_DOWNLOAD_T, &length);
     t->sized = true;
     if (partial && (!t->has_range || t->range_first != f->offset))
         return hw_fail(HW_IO, "%s: the server sent another range than was asked for", f->path);
@@ -138,30 +171,30 @@ static int watch(void *context, curl_off_t total, curl_off_t now, curl_off_t up,
 
 static void set_options(transfer *t)
 {
-    CURL *c = t->curl;
+    CURL *c = t->handle;
     const hw_fetch *f = t->fetch;
     char range[64];
-    curl_easy_reset(c); // keeps the connection
-    curl_easy_setopt(c, CURLOPT_URL, f->path);
-    curl_easy_setopt(c, CURLOPT_PROTOCOLS_STR, "http,https");
-    curl_easy_setopt(c, CURLOPT_REDIR_PROTOCOLS_STR, "http,https");
-    curl_easy_setopt(c, CURLOPT_FOLLOWLOCATION, 1L);
-    curl_easy_setopt(c, CURLOPT_MAXREDIRS, REDIRECTS_MAX);
-    curl_easy_setopt(c, CURLOPT_NOSIGNAL, 1L);
-    curl_easy_setopt(c, CURLOPT_CONNECTTIMEOUT_MS, (long)f->timeout_ms);
-    curl_easy_setopt(c, CURLOPT_USERAGENT, "hexwalk");
-    curl_easy_setopt(c, CURLOPT_HEADERFUNCTION, take_header);
-    curl_easy_setopt(c, CURLOPT_HEADERDATA, t);
-    curl_easy_setopt(c, CURLOPT_WRITEFUNCTION, take_body);
-    curl_easy_setopt(c, CURLOPT_WRITEDATA, t);
-    curl_easy_setopt(c, CURLOPT_NOPROGRESS, 0L);
-    curl_easy_setopt(c, CURLOPT_XFERINFOFUNCTION, watch);
-    curl_easy_setopt(c, CURLOPT_XFERINFODATA, t);
+    curl.reset(c); // keeps the connection
+    curl.setopt(c, CURLOPT_URL, f->path);
+    curl.setopt(c, CURLOPT_PROTOCOLS_STR, "http,https");
+    curl.setopt(c, CURLOPT_REDIR_PROTOCOLS_STR, "http,https");
+    curl.setopt(c, CURLOPT_FOLLOWLOCATION, 1L);
+    curl.setopt(c, CURLOPT_MAXREDIRS, REDIRECTS_MAX);
+    curl.setopt(c, CURLOPT_NOSIGNAL, 1L);
+    curl.setopt(c, CURLOPT_CONNECTTIMEOUT_MS, (long)f->timeout_ms);
+    curl.setopt(c, CURLOPT_USERAGENT, "hexwalk");
+    curl.setopt(c, CURLOPT_HEADERFUNCTION, take_header);
+    curl.setopt(c, CURLOPT_HEADERDATA, t);
+    curl.setopt(c, CURLOPT_WRITEFUNCTION, take_body);
+    curl.setopt(c, CURLOPT_WRITEDATA, t);
+    curl.setopt(c, CURLOPT_NOPROGRESS, 0L);
+    curl.setopt(c, CURLOPT_XFERINFOFUNCTION, watch);
+    curl.setopt(c, CURLOPT_XFERINFODATA, t);
     if (f->size == 0)
         return;
     snprintf(range, sizeof range, "%llu-%llu", (unsigned long long)f->offset,
              (unsigned long long)(f->offset + f->size - 1));
-    curl_easy_setopt(c, CURLOPT_RANGE, range);
+    curl.setopt(c, CURLOPT_RANGE, range);
 }
 
 static hw_status fail_code(hw_fetch *f, long code)
@@ -198,9 +231,9 @@ static hw_status check_length(transfer *t)
 
 static hw_status read_url(void *connection, hw_fetch *f)
 {
-    transfer t = {.fetch = f, .curl = connection, .moved_ms = hw_clock_ms()};
+    transfer t = {.fetch = f, .handle = connection, .moved_ms = hw_clock_ms()};
     set_options(&t);
-    CURLcode code = curl_easy_perform(t.curl);
+    CURLcode code = curl.perform(t.handle);
     if (t.status != HW_OK)
         return t.status;
     if (atomic_load(f->cancelled))
@@ -209,7 +242,7 @@ static hw_status read_url(void *connection, hw_fetch *f)
         f->again = code != CURLE_OUT_OF_MEMORY && code != CURLE_URL_MALFORMAT &&
                    code != CURLE_UNSUPPORTED_PROTOCOL && code != CURLE_TOO_MANY_REDIRECTS;
         return hw_fail(code == CURLE_OUT_OF_MEMORY ? HW_MEMORY : HW_IO, "%s: %s", f->path,
-                       t.stalled ? "nothing came for too long" : curl_easy_strerror(code));
+                       t.stalled ? "nothing came for too long" : curl.strerror(code));
     }
     long answer = response_code(&t);
     if (answer != 200 && answer != HTTP_PARTIAL)
@@ -219,14 +252,17 @@ static hw_status read_url(void *connection, hw_fetch *f)
 
 static hw_status connect_curl(void **connection)
 {
-    pthread_once(&curl_once, start_curl);
-    *connection = curl_easy_init();
+    pthread_once(&curl_once, load_curl);
+    if (!curl.loaded)
+        return hw_fail(HW_IO, "web servers need libcurl (libcurl.so.4), which cannot be loaded");
+    *connection = curl.init();
     return *connection ? HW_OK : hw_fail(HW_MEMORY, "out of memory for a connection");
 }
 
 static void disconnect_curl(void *connection)
 {
-    curl_easy_cleanup(connection);
+    if (connection)
+        curl.cleanup(connection);
 }
 
 const hw_source_backend hw_source_http = {

@@ -58,6 +58,10 @@ hw_build_options hw_build_defaults(void)
                 .edge_length_px = 4.5,
                 .outline_px = 0.09,
                 .interior_px = 5,
+                .multi_view_count = 3,
+                .multi_blend = false,
+                .multi_outline_px = 0.03,
+                .multi_interior_px = 3,
                 .impostor_px = 1,
                 .capture_side_max = 1024,
                 .capture_samples = 2},
@@ -95,6 +99,11 @@ static uint64_t make_key(const build *b)
                               o->far.edge_length_px,
                               o->far.outline_px,
                               o->far.interior_px,
+                              o->far.multi_view_px,
+                              o->far.multi_view_px > 0 ? o->far.multi_view_count : 0,
+                              o->far.multi_view_px > 0 ? o->far.multi_blend : 0,
+                              o->far.multi_view_px > 0 ? o->far.multi_outline_px : 0,
+                              o->far.multi_view_px > 0 ? o->far.multi_interior_px : 0,
                               o->far.impostor_px,
                               o->far.capture_side_max,
                               o->far.capture_samples,
@@ -487,7 +496,8 @@ out:
 static bool count_cell(build *b, hw_cell_id id, hw_manifest_cell *out)
 {
     static const uint32_t mesh_tags[] = {HW_FOURCC('V', 'E', 'R', 'T'),
-                                         HW_FOURCC('I', 'N', 'D', 'X')};
+                                         HW_FOURCC('I', 'N', 'D', 'X'),
+                                         HW_FOURCC('C', 'O', 'L', 'R')};
     static const uint32_t texture_tags[] = {HW_FOURCC('A', 'T', 'L', 'S'),
                                             HW_FOURCC('C', 'O', 'V', 'R')};
     char *path = NULL;
@@ -499,12 +509,12 @@ static bool count_cell(build *b, hw_cell_id id, hw_manifest_cell *out)
     if (good) {
         *out = (hw_manifest_cell){id, hw_container_bytes(container)};
         b->report->bytes += out->bytes;
-        for (int i = 0; i < 2; i++) {
+        for (int i = 0; i < 3; i++)
             if (hw_container_chunk_size(container, mesh_tags[i], 0, &raw, &stored) == HW_OK)
                 b->report->mesh_bytes += stored;
+        for (int i = 0; i < 2; i++)
             if (hw_container_chunk_size(container, texture_tags[i], 0, &raw, &stored) == HW_OK)
                 b->report->texture_bytes += stored;
-        }
     }
     hw_container_close(container);
     hw_free(path);

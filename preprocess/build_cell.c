@@ -145,15 +145,18 @@ static int by_object(const void *x, const void *y)
 static int by_azimuth(const void *x, const void *y)
 {
     const hw_cluster_item *a = x, *b = y;
+    bool a_multi = a->svmesh.record.range_count > 0, b_multi = b->svmesh.record.range_count > 0;
+    if (a_multi != b_multi)
+        return a_multi ? -1 : 1; // so that their colours are those of the first vertices
     if (a->azimuth != b->azimuth)
         return a->azimuth < b->azimuth ? -1 : 1;
     return a->svmesh.record.object_idx < b->svmesh.record.object_idx ? -1 : 1;
 }
 
 // Coverage is kept of cut-out records only: what is the same everywhere costs nothing.
-static void copy_capture(hw_image *atlas, const hw_rect *place, const hw_svmesh *svmesh)
+static void copy_capture(hw_image *atlas, const hw_rect *place, const hw_capture *capture,
+                         bool cut_out)
 {
-    const hw_capture *capture = &svmesh->capture;
     for (uint32_t y = 0; y < capture->height; y++) {
         const hw_color8 *from = capture->colors + (size_t)y * capture->width;
         const uint8_t *coverage = capture->coverage + (size_t)y * capture->width;
@@ -162,9 +165,35 @@ static void copy_capture(hw_image *atlas, const hw_rect *place, const hw_svmesh 
             to[0] = from[x].r;
             to[1] = from[x].g;
             to[2] = from[x].b;
-            to[3] = svmesh->record.cut_out ? coverage[x] : 255;
+            to[3] = cut_out ? coverage[x] : 255;
         }
     }
+}
+
+// A capture, and the rectangle in the atlas that tells where it went.
+typedef struct placement {
+    const hw_capture *capture;
+    hw_rect *rect;
+    bool cut_out;
+} placement;
+
+// All captures of all records; count_captures of them.
+static void list_captures(assembly *a, placement *out)
+{
+    for (uint32_t i = 0; i < a->far_count; i++) {
+        hw_svmesh *mesh = &a->far[i].svmesh;
+        *out++ = (placement){&mesh->capture, &mesh->record.rect, mesh->record.cut_out};
+        for (uint32_t k = 0; k < mesh->record.view_count; k++)
+            *out++ = (placement){&mesh->view_captures[k], &mesh->views[k].rect, false};
+    }
+}
+
+static uint32_t count_captures(const assembly *a)
+{
+    uint32_t count = a->far_count;
+    for (uint32_t i = 0; i < a->far_count; i++)
+        count += a->far[i].svmesh.record.view_count;
+    return count;
 }
 
 // Packs the captures; blocks of 4 x 4 texels are never shared between two of them.
@@ -172,20 +201,21 @@ static hw_status pack_atlas(assembly *a, hw_cell *out)
 {
     hw_status status;
     hw_rect *places = NULL;
+    placement *captures = NULL;
     hw_image atlas = {0};
-    HW_GO(HW_NEW(&places, a->far_count));
-    for (uint32_t i = 0; i < a->far_count; i++) {
-        const hw_capture *capture = &a->far[i].svmesh.capture;
-        places[i] = (hw_rect){0, 0, capture->width, capture->height};
-    }
-    HW_GO(hw_atlas_pack(places, a->far_count, 4, HW_CELL_ATLAS_MAX, &out->atlas_width,
+    uint32_t count = count_captures(a);
+    HW_GO(HW_NEW(&places, count));
+    HW_GO(HW_NEW(&captures, count));
+    list_captures(a, captures);
+    for (uint32_t i = 0; i < count; i++)
+        places[i] = (hw_rect){0, 0, captures[i].capture->width, captures[i].capture->height};
+    HW_GO(hw_atlas_pack(places, count, 4, HW_CELL_ATLAS_MAX, &out->atlas_width,
                         &out->atlas_height));
     HW_GO(hw_image_make(&atlas, out->atlas_width, out->atlas_height, 4));
-    for (uint32_t i = 0; i < a->far_count; i++) {
-        copy_capture(&atlas, &places[i], &a->far[i].svmesh);
-        hw_rect *rect = &a->far[i].svmesh.record.rect;
-        rect->x = places[i].x + HW_CAPTURE_PADDING;
-        rect->y = places[i].y + HW_CAPTURE_PADDING;
+    for (uint32_t i = 0; i < count; i++) {
+        copy_capture(&atlas, &places[i], captures[i].capture, captures[i].cut_out);
+        captures[i].rect->x = places[i].x + HW_CAPTURE_PADDING;
+        captures[i].rect->y = places[i].y + HW_CAPTURE_PADDING;
     }
     HW_GO(HW_NEW(&out->atlas_bc1, hw_bc1_bytes(out->atlas_width, out->atlas_height)));
     HW_GO(HW_NEW(&out->coverage_bc4, hw_bc1_bytes(out->atlas_width, out->atlas_height)));
@@ -193,16 +223,22 @@ static hw_status pack_atlas(assembly *a, hw_cell *out)
     hw_bc4_encode(&atlas, 3, out->coverage_bc4);
 out:
     hw_image_free(&atlas);
+    hw_free(captures);
     hw_free(places);
     return status;
 }
 
 static hw_status join_meshes(const assembly *a, hw_cell *out)
 {
-    uint64_t vertices = 0, indices = 0;
+    uint64_t vertices = 0, indices = 0, views = 0, ranges = 0, colors = 0;
     for (uint32_t i = 0; i < a->far_count; i++) {
-        vertices += a->far[i].svmesh.record.vertex_count;
-        indices += a->far[i].svmesh.record.index_count;
+        const hw_svmesh *s = &a->far[i].svmesh;
+        vertices += s->record.vertex_count;
+        indices += s->record.index_count;
+        views += s->record.view_count;
+        ranges += s->record.range_count;
+        if (s->colors)
+            colors = vertices;
     }
     if (a->far_count > HW_CELL_RECORDS_MAX || vertices > HW_CELL_VERTICES_MAX ||
         indices > HW_CELL_INDICES_MAX)
@@ -213,12 +249,25 @@ static hw_status join_meshes(const assembly *a, hw_cell *out)
     HW_TRY(HW_NEW(&out->far, a->far_count));
     HW_TRY(HW_NEW(&out->vertices, vertices));
     HW_TRY(HW_NEW(&out->indices, indices));
+    HW_TRY(HW_NEW(&out->views, views));
+    HW_TRY(HW_NEW(&out->ranges, ranges));
+    HW_TRY(HW_NEW(&out->colors, colors));
+    out->color_count = (uint32_t)colors;
     for (uint32_t i = 0; i < a->far_count; i++) {
         const hw_svmesh *s = &a->far[i].svmesh;
         hw_far_record *record = &out->far[i];
         *record = s->record;
         record->first_vertex = out->vertex_count;
         record->first_index = out->index_count;
+        record->first_view = out->view_count;
+        record->first_range = out->range_count;
+        if (s->colors)
+            memcpy(out->colors + out->vertex_count, s->colors,
+                   record->vertex_count * sizeof *s->colors);
+        for (uint32_t k = 0; k < record->view_count; k++)
+            out->views[out->view_count++] = s->views[k];
+        for (uint32_t k = 0; k < record->range_count; k++)
+            out->ranges[out->range_count++] = s->ranges[k];
         for (uint32_t v = 0; v < record->vertex_count; v++) {
             hw_far_vertex *vertex = &out->vertices[out->vertex_count++];
             *vertex = s->vertices[v];

@@ -45,6 +45,11 @@ void hw_capturer_destroy(hw_capturer *capturer)
     hw_free(capturer);
 }
 
+const hw_rays *hw_capturer_rays(const hw_capturer *capturer)
+{
+    return capturer->rays;
+}
+
 typedef struct rgb {
     float r, g, b;
 } rgb;
@@ -63,6 +68,31 @@ typedef struct shader {
     uint32_t lit_triangle;
     rgb lit[3];
 } shader;
+
+// The directions are the window's, in the world.
+static shader shader_make(const hw_capturer *capturer, uint32_t object_idx, hw_vec3 axis,
+                          hw_vec3 right, hw_vec3 up)
+{
+    const hw_object *object = &capturer->scene->objects[object_idx];
+    const hw_mesh *mesh = &capturer->scene->meshes[object->mesh_idx];
+    hw_mat4 inverse;
+    (void)hw_mat4_inverse(object->transform,
+                          &inverse); // the rays would not have taken a singular one
+    shader s = {
+        .mesh = mesh,
+        .sampler = mesh->uvs ? capturer->samplers[object->material_idx] : NULL,
+        .inverse = {hw_mat4_direction(&inverse, hw_v3(1, 0, 0)),
+                    hw_mat4_direction(&inverse, hw_v3(0, 1, 0)),
+                    hw_mat4_direction(&inverse, hw_v3(0, 0, 1))},
+        .axis = hw_mat4_direction(&inverse, axis),
+        .right = hw_mat4_direction(&inverse, right),
+        .up = hw_mat4_direction(&inverse, up),
+        .lit_triangle = UINT32_MAX,
+    };
+    for (int k = 0; k < 3; k++)
+        s.base[k] = capturer->scene->materials[object->material_idx].base_color[k];
+    return s;
+}
 
 static rgb light_vertex(const shader *s, uint32_t vertex)
 {
@@ -204,8 +234,6 @@ static void capture_row(row_job *job, uint32_t j, hw_capture *out)
 static hw_status set_up_job(row_job *job, const hw_capturer *capturer, uint32_t object_idx,
                             const hw_capture_window *window, uint32_t samples)
 {
-    const hw_object *object = &capturer->scene->objects[object_idx];
-    const hw_mesh *mesh = &capturer->scene->meshes[object->mesh_idx];
     *job = (row_job){
         .capturer = capturer, .window = window, .object_idx = object_idx, .samples = samples};
     for (uint32_t k = 0; k < samples * samples; k++) {
@@ -215,29 +243,26 @@ static hw_status set_up_job(row_job *job, const hw_capturer *capturer, uint32_t 
         job->centre_distance[k] = x * x + y * y;
     }
     hw_face_basis(window->face, &job->axis, &job->right, &job->up);
-    hw_mat4 inverse;
-    (void)hw_mat4_inverse(object->transform,
-                          &inverse); // the rays would not have taken a singular one
-    job->shader = (shader){
-        .mesh = mesh,
-        .sampler = mesh->uvs ? capturer->samplers[object->material_idx] : NULL,
-        .inverse = {hw_mat4_direction(&inverse, hw_v3(1, 0, 0)),
-                    hw_mat4_direction(&inverse, hw_v3(0, 1, 0)),
-                    hw_mat4_direction(&inverse, hw_v3(0, 0, 1))},
-        .axis = hw_mat4_direction(&inverse, job->axis),
-        .right = hw_mat4_direction(&inverse, job->right),
-        .up = hw_mat4_direction(&inverse, job->up),
-        .step_x = (window->x_max - window->x_min) / (float)(window->width * samples),
-        .step_y = (window->y_max - window->y_min) / (float)(window->height * samples),
-        .lit_triangle = UINT32_MAX,
-    };
-    for (int k = 0; k < 3; k++)
-        job->shader.base[k] = capturer->scene->materials[object->material_idx].base_color[k];
+    job->shader = shader_make(capturer, object_idx, job->axis, job->right, job->up);
+    job->shader.step_x = (window->x_max - window->x_min) / (float)(window->width * samples);
+    job->shader.step_y = (window->y_max - window->y_min) / (float)(window->height * samples);
     size_t rays = (size_t)window->width * samples * samples;
     // Measured: coherent traversal wins as soon as there are a few rays per visible triangle.
-    job->coherent = rays * window->height > mesh->index_count / 3 / 4;
+    job->coherent = rays * window->height > job->shader.mesh->index_count / 3 / 4;
     HW_TRY(HW_NEW(&job->directions, rays));
     return HW_NEW(&job->hits, rays);
+}
+
+bool hw_capture_point(const hw_capturer *capturer, uint32_t object_idx, hw_vec3 origin,
+                      hw_vec3 direction, hw_color8 *out)
+{
+    hw_hit hit = hw_rays_cast_object(capturer->rays, object_idx, origin, direction, 0, 1);
+    if (hit.t == INFINITY)
+        return false;
+    shader s = shader_make(capturer, object_idx, direction, hw_v3(0, 0, 0), hw_v3(0, 0, 0));
+    rgb color = shade(&s, &hit, 0, 0);
+    *out = (hw_color8){to_byte(color.r), to_byte(color.g), to_byte(color.b), 255};
+    return true;
 }
 
 #define SIDE_MAX 32768

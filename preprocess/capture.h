@@ -30,6 +30,7 @@ typedef struct hw_capturer hw_capturer;
 HW_MUST_USE hw_status hw_capturer_create(const hw_scene *scene, const hw_rays *scene_rays,
                                          hw_capturer **out);
 void hw_capturer_destroy(hw_capturer *capturer);
+const hw_rays *hw_capturer_rays(const hw_capturer *capturer);
 
 // Captures one object alone (others neither show nor occlude) with samples x samples rays a texel,
 // on a regular grid; samples in 1..HW_CAPTURE_SAMPLES_MAX. Only what lies in front of the centre
@@ -51,6 +52,11 @@ HW_MUST_USE hw_status hw_capture_object(const hw_capturer *capturer, uint32_t ob
 HW_MUST_USE hw_status hw_capture_objects(const hw_capturer *capturer, const uint32_t *objects,
                                          uint32_t count, const hw_capture_window *window,
                                          uint32_t samples, hw_capture *out);
+
+// The colour of an object where the ray origin + t direction, t in [0, 1], first meets it; false if
+// it does not. The caller has pinned the object's rays. Textures are not filtered. Thread-safe.
+bool hw_capture_point(const hw_capturer *capturer, uint32_t object_idx, hw_vec3 origin,
+                      hw_vec3 direction, hw_color8 *out);
 
 // How long the calling thread has spent in hw_capture_object so far.
 double hw_capture_thread_seconds(void);

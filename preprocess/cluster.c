@@ -110,8 +110,10 @@ static hw_status measure_item(clustering *k, uint32_t i)
     for (int f = 0; f < FACES; f++)
         c->areas[f] = area_on(k, i, f, nearest);
     choose_face(c);
-    for (int f = 0; f < FACES && s->record.cut_out; f++)
-        c->areas[f].valid = false; // a flat picture joins nothing
+    // Flat pictures and meshes with several captures join nothing.
+    bool single = s->record.cut_out || s->record.view_count > 0 || s->record.range_count > 0;
+    for (int f = 0; f < FACES && single; f++)
+        c->areas[f].valid = false;
     // What is saved is judged against what is there.
     c->texels = (double)s->capture.width * s->capture.height;
     return HW_OK;

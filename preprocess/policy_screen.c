@@ -80,7 +80,8 @@ static hw_status simplify_interior(const hw_svmesh_job *job, const bool *locked,
     for (uint32_t v = 0; v < c->vertex_count; v++)
         c->locked[v] |= c->border[v]; // open borders of the mesh itself
     HW_GO(hw_metric_qem(c, &metric));
-    hw_collapse_limits limits = {.cost = job->options->interior_px * job->options->interior_px};
+    double interior_px = hw_svmesh_interior_px(job);
+    hw_collapse_limits limits = {.cost = interior_px * interior_px};
     HW_GO(hw_collapser_run(c, &metric, &limits));
     memcpy(mesh->positions, c->positions, mesh->vertex_count * sizeof *mesh->positions);
     uint32_t n = 0;
@@ -102,9 +103,10 @@ static hw_status simplify(const hw_svmesh_job *job, hw_view_mesh *out)
     selection s = {0};
     double pixel = job->distance.effective /
                    (job->view->focal_px * job->scale); // of the effective distance, mesh units
-    uint32_t by_outline =
-        hw_chain_level_by_silhouette(job->chain, job->options->outline_px * pixel);
-    uint32_t by_surface = hw_chain_level_by_error(job->chain, job->options->interior_px * pixel);
+    double outline_px =
+        job->multi_view ? job->options->multi_outline_px : job->options->outline_px;
+    uint32_t by_outline = hw_chain_level_by_silhouette(job->chain, outline_px * pixel);
+    uint32_t by_surface = hw_chain_level_by_error(job->chain, hw_svmesh_interior_px(job) * pixel);
     s.level = &job->chain->levels[by_outline < by_surface ? by_outline : by_surface];
     uint32_t front_indices = 0;
     HW_GO(HW_NEW(&s.facing, s.level->index_count / 3));
@@ -114,7 +116,7 @@ static hw_status simplify(const hw_svmesh_job *job, hw_view_mesh *out)
     HW_GO(HW_NEW(&out->indices, s.level->index_count));
     classify_faces(job, &s);
     HW_GO(project_faces(job, &s, out, &front_indices));
-    if (front_indices > 0 && job->options->interior_px > 0)
+    if (front_indices > 0 && hw_svmesh_interior_px(job) > 0)
         HW_GO(simplify_interior(job, s.locked, front_indices, out));
     HW_GO(hw_view_mesh_compact(out));
 out:

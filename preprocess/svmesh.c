@@ -1,6 +1,7 @@
 #include "svmesh.h"
 #include "alloc.h"
 #include "impostor.h"
+#include "mvmesh.h"
 #include <math.h>
 #include <meshoptimizer.h>
 #include <string.h>
@@ -59,6 +60,12 @@ void hw_svmesh_free(hw_svmesh *svmesh)
     hw_free(svmesh->vertices);
     hw_free(svmesh->indices);
     hw_capture_free(&svmesh->capture);
+    for (uint32_t i = 0; svmesh->view_captures && i < svmesh->record.view_count; i++)
+        hw_capture_free(&svmesh->view_captures[i]);
+    hw_free(svmesh->views);
+    hw_free(svmesh->view_captures);
+    hw_free(svmesh->ranges);
+    hw_free(svmesh->colors);
     memset(svmesh, 0, sizeof *svmesh);
 }
 
@@ -73,16 +80,36 @@ hw_cell_view hw_cell_view_make(const hw_hexgrid *grid, hw_cell_id id)
     return view;
 }
 
-bool hw_svmesh_project(const hw_svmesh_job *job, hw_vec3 world, double image[3])
+bool hw_plane_project(hw_vec3 eye, int face, hw_vec3 world, double plane[3])
 {
-    hw_vec3 axis, right, up, rel = hw_v3_sub(world, job->view->centre);
-    hw_face_basis(job->face, &axis, &right, &up);
-    double depth = hw_v3_dot(rel, axis), focal = job->view->focal_px;
+    hw_vec3 axis, right, up, rel = hw_v3_sub(world, eye);
+    hw_face_basis(face, &axis, &right, &up);
+    double depth = hw_v3_dot(rel, axis);
     if (depth < 1e-3)
         return false;
-    image[0] = focal * hw_v3_dot(rel, right) / depth;
-    image[1] = focal * hw_v3_dot(rel, up) / depth;
-    image[2] = focal * job->view->size / depth;
+    plane[0] = hw_v3_dot(rel, right) / depth;
+    plane[1] = hw_v3_dot(rel, up) / depth;
+    plane[2] = depth;
+    return true;
+}
+
+void hw_plane_bounds_add(hw_plane_bounds *bounds, const double plane[3])
+{
+    for (int k = 0; k < 2; k++) {
+        bounds->min[k] = fmin(bounds->min[k], plane[k]);
+        bounds->max[k] = fmax(bounds->max[k], plane[k]);
+    }
+    bounds->depth_min = fmin(bounds->depth_min, plane[2]);
+}
+
+bool hw_svmesh_project(const hw_svmesh_job *job, hw_vec3 world, double image[3])
+{
+    double plane[3], focal = job->view->focal_px;
+    if (!hw_plane_project(job->view->centre, job->face, world, plane))
+        return false;
+    image[0] = focal * plane[0];
+    image[1] = focal * plane[1];
+    image[2] = focal * job->view->size / plane[2];
     return true;
 }
 
@@ -120,22 +147,23 @@ static void image_bounds(const hw_view_mesh *mesh, double min[3], double max[3])
         }
 }
 
-// Texels per unit of the plane at distance 1: one texel per pixel of the nearest viewer in the
-// cell, looking at the nearest part.
-static double capture_density(const hw_svmesh_job *job, double parallax_max)
+// Texels of a capture per pixel of its own view, where that sees something at a depth: one per pixel
+// of the nearest viewer in the cell. Captures of MVMeshes make most of a cell's bytes, and few
+// viewers come as near: one per pixel of a viewer half way between the nearest and the effective
+// distance (as ratios) takes half the texels and costs less than 0.05 dB.
+static double texels_per_pixel(const hw_svmesh_job *job, double depth)
 {
-    double depth = job->view->focal_px * job->view->size / parallax_max;
     double nearest = fmax(job->distance.nearest, 1e-3);
-    return job->view->focal_px * fmax(1, depth / nearest);
+    return job->multi_view ? depth / sqrt(nearest * job->distance.effective)
+                           : fmax(1, depth / nearest);
 }
 
-bool hw_svmesh_window(const hw_svmesh_job *job, const hw_view_mesh *mesh, hw_capture_window *out)
+bool hw_capture_window_fit(const hw_svmesh_job *job, hw_vec3 eye, int face,
+                           const hw_plane_bounds *bounds, hw_capture_window *out)
 {
-    double min[3], max[3], focal = job->view->focal_px;
-    image_bounds(mesh, min, max);
-    double density = capture_density(job, max[2]);
-    double side_x = ceil((max[0] - min[0]) / focal * density),
-           side_y = ceil((max[1] - min[1]) / focal * density);
+    double density = job->view->focal_px * texels_per_pixel(job, bounds->depth_min);
+    double side_x = ceil((bounds->max[0] - bounds->min[0]) * density),
+           side_y = ceil((bounds->max[1] - bounds->min[1]) * density);
     if (!(fmax(side_x, side_y) <= job->options->capture_side_max))
         return false;
     uint32_t inner_x = (uint32_t)fmax(side_x, 1), inner_y = (uint32_t)fmax(side_y, 1);
@@ -143,29 +171,59 @@ bool hw_svmesh_window(const hw_svmesh_job *job, const hw_view_mesh *mesh, hw_cap
     double texel = 1 / density;
     double grow = HW_CAPTURE_PADDING * texel;
     *out = (hw_capture_window){
-        .centre = job->view->centre,
-        .face = job->face,
-        .x_min = (float)(min[0] / focal - grow),
-        .x_max = (float)(min[0] / focal + inner_x * texel + grow),
-        .y_min = (float)(min[1] / focal - grow),
-        .y_max = (float)(min[1] / focal + inner_y * texel + grow),
+        .centre = eye,
+        .face = face,
+        .x_min = (float)(bounds->min[0] - grow),
+        .x_max = (float)(bounds->min[0] + inner_x * texel + grow),
+        .y_min = (float)(bounds->min[1] - grow),
+        .y_max = (float)(bounds->min[1] + inner_y * texel + grow),
         .width = inner_x + 2 * HW_CAPTURE_PADDING,
         .height = inner_y + 2 * HW_CAPTURE_PADDING,
     };
     return true;
 }
 
-// The rectangle of vertices: the window without its padding.
-static void record_window(const hw_capture_window *w, hw_far_record *record)
+bool hw_svmesh_window(const hw_svmesh_job *job, const hw_view_mesh *mesh, hw_capture_window *out)
+{
+    double min[3], max[3], focal = job->view->focal_px;
+    image_bounds(mesh, min, max);
+    hw_plane_bounds bounds = {{min[0] / focal, min[1] / focal},
+                              {max[0] / focal, max[1] / focal},
+                              focal * job->view->size / max[2]};
+    return hw_capture_window_fit(job, job->view->centre, job->face, &bounds, out);
+}
+
+void hw_capture_window_inner(const hw_capture_window *w, float range[4], hw_rect *rect)
 {
     float tx = (w->x_max - w->x_min) / (float)w->width * HW_CAPTURE_PADDING;
     float ty = (w->y_max - w->y_min) / (float)w->height * HW_CAPTURE_PADDING;
-    record->x_min = w->x_min + tx;
-    record->x_max = w->x_max - tx;
-    record->y_min = w->y_min + ty;
-    record->y_max = w->y_max - ty;
-    record->rect =
-        (hw_rect){0, 0, w->width - 2 * HW_CAPTURE_PADDING, w->height - 2 * HW_CAPTURE_PADDING};
+    range[0] = w->x_min + tx;
+    range[1] = w->x_max - tx;
+    range[2] = w->y_min + ty;
+    range[3] = w->y_max - ty;
+    *rect = (hw_rect){0, 0, w->width - 2 * HW_CAPTURE_PADDING, w->height - 2 * HW_CAPTURE_PADDING};
+}
+
+static void record_window(const hw_capture_window *window, hw_far_record *record)
+{
+    float range[4];
+    hw_capture_window_inner(window, range, &record->rect);
+    record->x_min = range[0];
+    record->x_max = range[1];
+    record->y_min = range[2];
+    record->y_max = range[3];
+}
+
+hw_status hw_svmesh_capture(const hw_svmesh_job *job, const hw_capture_window *window,
+                            uint32_t samples, hw_capture *out)
+{
+    if (job->members)
+        HW_TRY(hw_capture_objects(job->capturer, job->members, job->member_count, window, samples,
+                                  out));
+    else
+        HW_TRY(hw_capture_object(job->capturer, job->object_idx, window, samples, out));
+    hw_capture_dilate(out, DILATION_TEXELS);
+    return HW_OK;
 }
 
 // A 16-bit axis whose steps are a power of two as coarse as QUANTUM_PX allows: the low bits are
@@ -234,18 +292,26 @@ out:
     return status;
 }
 
+hw_vec3 hw_far_vertex_world(const hw_mat4 *matrix, const hw_far_vertex *vertex)
+{
+    double h[4];
+    for (int r = 0; r < 4; r++)
+        h[r] = matrix->m[r] * vertex->x + matrix->m[4 + r] * vertex->y +
+               matrix->m[8 + r] * vertex->z + matrix->m[12 + r];
+    return hw_v3((float)(h[0] / h[3]), (float)(h[1] / h[3]), (float)(h[2] / h[3]));
+}
+
+double hw_svmesh_interior_px(const hw_svmesh_job *job)
+{
+    return job->multi_view ? job->options->multi_interior_px : job->options->interior_px;
+}
+
 static hw_box record_bounds(const hw_svmesh *svmesh, hw_vec3 centre)
 {
     hw_mat4 matrix = hw_far_record_matrix(&svmesh->record, centre);
     hw_box box = hw_box_empty();
-    for (uint32_t v = 0; v < svmesh->record.vertex_count; v++) {
-        const hw_far_vertex *p = &svmesh->vertices[v];
-        double h[4];
-        for (int r = 0; r < 4; r++)
-            h[r] = matrix.m[r] * p->x + matrix.m[4 + r] * p->y + matrix.m[8 + r] * p->z +
-                   matrix.m[12 + r];
-        hw_box_add(&box, hw_v3((float)(h[0] / h[3]), (float)(h[1] / h[3]), (float)(h[2] / h[3])));
-    }
+    for (uint32_t v = 0; v < svmesh->record.vertex_count; v++)
+        hw_box_add(&box, hw_far_vertex_world(&matrix, &svmesh->vertices[v]));
     return box;
 }
 
@@ -327,19 +393,6 @@ out:
     return status;
 }
 
-static hw_status capture(const hw_svmesh_job *job, const hw_capture_window *window, bool cut_out,
-                         hw_capture *out)
-{
-    uint32_t samples = cut_out ? IMPOSTOR_SAMPLES : job->options->capture_samples;
-    if (job->members)
-        HW_TRY(hw_capture_objects(job->capturer, job->members, job->member_count, window, samples,
-                                  out));
-    else
-        HW_TRY(hw_capture_object(job->capturer, job->object_idx, window, samples, out));
-    hw_capture_dilate(out, DILATION_TEXELS);
-    return HW_OK;
-}
-
 hw_status hw_svmesh_finish(const hw_svmesh_job *job, const hw_view_mesh *mesh, bool cut_out,
                            bool *fits, hw_svmesh *out)
 {
@@ -357,22 +410,38 @@ hw_status hw_svmesh_finish(const hw_svmesh_job *job, const hw_view_mesh *mesh, b
         goto out;
     out->record.bounds = record_bounds(out, job->view->centre);
     out->record.cut_out = cut_out;
-    HW_GO(capture(job, &window, cut_out, &out->capture));
+    HW_GO(hw_svmesh_capture(job, &window,
+                            cut_out ? IMPOSTOR_SAMPLES : job->options->capture_samples,
+                            &out->capture));
 out:
     if (status != HW_OK || out->record.index_count == 0)
         hw_svmesh_free(out);
     return status;
 }
 
-hw_status hw_svmesh_derive(const hw_svmesh_job *job, bool *is_near, hw_svmesh *out)
+// Whether the object is an SVMesh, an MVMesh (job->multi_view) or near.
+static bool must_be_near(hw_svmesh_job *job, double *error)
+{
+    const hw_far_options *options = job->options;
+    job->multi_view = false;
+    *error = INFINITY;
+    if (job->distance.nearest <= 0 || !in_front(job))
+        return true;
+    *error = self_occlusion(job);
+    if (*error < options->self_occlusion_px)
+        return false;
+    job->multi_view = job->view->id.level == 0 && *error < options->multi_view_px;
+    return !job->multi_view;
+}
+
+hw_status hw_svmesh_derive(hw_svmesh_job *job, bool *is_near, hw_svmesh *out)
 {
     hw_status status = HW_OK;
     hw_view_mesh mesh = {0};
     bool fits = true;
     memset(out, 0, sizeof *out);
-    *is_near = job->distance.nearest <= 0 || !in_front(job);
-    double error = *is_near ? (double)INFINITY : self_occlusion(job);
-    *is_near = *is_near || error >= job->options->self_occlusion_px;
+    double error;
+    *is_near = must_be_near(job, &error);
     if (*is_near)
         return HW_OK;
     bool flat = error < job->options->impostor_px;
@@ -382,7 +451,11 @@ hw_status hw_svmesh_derive(const hw_svmesh_job *job, bool *is_near, hw_svmesh *o
     if (mesh.index_count > 0)
         HW_GO(hw_svmesh_finish(job, &mesh, flat, &fits, out));
     *is_near = !fits;
+    if (fits && job->multi_view && out->record.index_count > 0)
+        HW_GO(hw_mvmesh_add_views(job, out));
 out:
     hw_view_mesh_free(&mesh);
+    if (status != HW_OK)
+        hw_svmesh_free(out);
     return status;
 }

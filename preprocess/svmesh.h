@@ -21,7 +21,11 @@ typedef struct hw_svmesh_policy hw_svmesh_policy;
 
 typedef struct hw_far_options {
     const hw_svmesh_policy *policy;
-    double self_occlusion_px;  // T_s: objects with a larger self-occluding error are near
+    double self_occlusion_px;  // T_s: objects with a larger self-occluding error are no SVMeshes
+    double multi_view_px;      // T_mv: below this they are MVMeshes, else near; 0 = all near
+    uint32_t multi_view_count; // captures of an MVMesh: 1 to HW_FAR_VIEWS_MAX - 1
+    bool multi_blend;          // their triangles keep all captures that see them, not the best only
+    double multi_outline_px, multi_interior_px; // outline_px and interior_px of MVMeshes
     double edge_length_px;     // T_l of the thesis policy
     double outline_px;         // outline deviation of the chain level at the effective distance
     double interior_px;        // tolerance for patches that face the whole cell (screen policy)
@@ -65,6 +69,7 @@ typedef struct hw_svmesh_job {
     hw_region_distance distance;
     double scale; // largest stretch of the object's transform: mesh units to world units
     int face;
+    bool multi_view; // an MVMesh is to be made; set by hw_svmesh_derive
 } hw_svmesh_job;
 
 // The result. Vertices carry record 0; indices are relative to them.
@@ -73,6 +78,12 @@ typedef struct hw_svmesh {
     hw_far_vertex *vertices;
     uint32_t *indices;
     hw_capture capture; // the record's rectangle with HW_CAPTURE_PADDING texels round it
+    // Of an MVMesh, else NULL: record.view_count further views with their captures,
+    // record.range_count ranges, and a colour for each vertex (or NULL: no range needs them).
+    hw_far_view *views; // all but the rect's place
+    hw_capture *view_captures;
+    hw_far_range *ranges;
+    hw_color8 *colors;
 } hw_svmesh;
 #define HW_CAPTURE_PADDING 2u
 void hw_svmesh_free(hw_svmesh *svmesh);
@@ -87,11 +98,12 @@ extern const hw_svmesh_policy hw_policy_screen, hw_policy_thesis;
 // NULL if unknown.
 const hw_svmesh_policy *hw_policy_find(const char *name);
 
-// Derives the SVMesh. *is_near is set, and *out left empty, when the object must be drawn as
-// geometry from this cell: it meets the cell, its self-occluding error is T_s or more, or its
-// capture would be larger than capture_side_max. *out is also empty when nothing of the object
-// faces the cell.
-HW_MUST_USE hw_status hw_svmesh_derive(const hw_svmesh_job *job, bool *is_near, hw_svmesh *out);
+// Derives the SVMesh, or, of an object whose self-occluding error is T_s or more but below T_mv,
+// the MVMesh (mvmesh.h; cells of level 0 only). *is_near is set, and *out left empty, when the
+// object must be drawn as geometry from this cell: it meets the cell, its self-occluding error is
+// too large, or its capture would be larger than capture_side_max. *out is also empty when nothing
+// of the object faces the cell.
+HW_MUST_USE hw_status hw_svmesh_derive(hw_svmesh_job *job, bool *is_near, hw_svmesh *out);
 
 // The rest of a derivation: window, quantised vertices, record and capture of a mesh in image space.
 // `cut_out` as in hw_far_record. *fits tells whether the capture is not too large; *out is left empty if it is, or if nothing is
@@ -106,6 +118,33 @@ bool hw_svmesh_project(const hw_svmesh_job *job, hw_vec3 world, double image[3])
 // The cell's corners (or, with centre_only, its centre alone) in the mesh's own space, where facing
 // is the same. Returns how many.
 uint32_t hw_svmesh_eyes(const hw_svmesh_job *job, bool centre_only, hw_vec3 eyes[HW_CELL_CORNERS]);
+// Where a vertex is in the world; the matrix is hw_far_record_matrix.
+hw_vec3 hw_far_vertex_world(const hw_mat4 *matrix, const hw_far_vertex *vertex);
+// interior_px of the mesh to be made.
+double hw_svmesh_interior_px(const hw_svmesh_job *job);
 // The capture window round a mesh in image space, grown by HW_CAPTURE_PADDING texels on each side.
 // False if a side would be too large.
 bool hw_svmesh_window(const hw_svmesh_job *job, const hw_view_mesh *mesh, hw_capture_window *out);
+
+// ---- for MVMeshes ----------------------------------------------------------------------------
+
+// World position to the plane at distance 1 from `eye` along the axis of `face`, and its depth;
+// false if it lies on or behind the plane through the eye.
+bool hw_plane_project(hw_vec3 eye, int face, hw_vec3 world, double plane[3]);
+// A rectangle of the plane at distance 1 from a point of view, and the least depth of what lies in
+// it.
+typedef struct hw_plane_bounds {
+    double min[2], max[2], depth_min;
+} hw_plane_bounds;
+void hw_plane_bounds_add(hw_plane_bounds *bounds, const double plane[3]);
+// The capture window of a rectangle seen from `eye`: one texel per pixel of the nearest viewer in
+// the cell, looking at the nearest part, grown by HW_CAPTURE_PADDING texels on each side. False if
+// a side would be too large.
+bool hw_capture_window_fit(const hw_svmesh_job *job, hw_vec3 eye, int face,
+                           const hw_plane_bounds *bounds, hw_capture_window *out);
+// The window without its padding: x_min, x_max, y_min, y_max into range, width and height into the
+// rectangle.
+void hw_capture_window_inner(const hw_capture_window *window, float range[4], hw_rect *rect);
+// Captures the object through the window and dilates the colours.
+HW_MUST_USE hw_status hw_svmesh_capture(const hw_svmesh_job *job, const hw_capture_window *window,
+                                        uint32_t samples, hw_capture *out);

@@ -28,17 +28,20 @@ static int find_bin(const hw_cell *cell, const hw_far_record *record)
 {
     hw_vec3 d = hw_v3_sub(hw_box_centre(record->bounds), cell->centre);
     int sector = (int)((atan2(d.y, d.x) / (2 * HW_PI) + 0.5) * SECTORS) % SECTORS;
-    return sector + (record->cut_out ? SECTORS : 0);
+    if (record->range_count > 0)
+        return 0;
+    return 1 + sector + (record->cut_out ? SECTORS : 0);
 }
 
-// Opaque records, then cut-out ones; of each, sector by sector, front to back as seen from the cell
-// centre: order[i].index becomes the record to draw as the i-th.
+// MVMeshes, front to back as seen from the cell centre; then other opaque records, then cut-out
+// ones; of each of these, sector by sector, front to back: order[i].index becomes the record to
+// draw as the i-th.
 static void order_records(const hw_cell *cell, hw_cull_item *order, hw_cull_item *scratch)
 {
     for (uint32_t i = 0; i < cell->far_count; i++)
         order[i] = (hw_cull_item){hw_box_distance(cell->far[i].bounds, cell->centre), i};
     hw_cull_sort(order, cell->far_count, scratch);
-    uint32_t starts[2 * SECTORS + 1] = {0};
+    uint32_t starts[2 * SECTORS + 2] = {0};
     for (int pass = 0; pass < 2; pass++) {
         for (uint32_t i = 0; i < cell->far_count; i++) {
             int bin = find_bin(cell, &cell->far[order[i].index]);
@@ -47,7 +50,7 @@ static void order_records(const hw_cell *cell, hw_cull_item *order, hw_cull_item
             else
                 scratch[starts[bin]++] = order[i];
         }
-        for (int s = 0; pass == 0 && s < 2 * SECTORS; s++)
+        for (int s = 0; pass == 0 && s < 2 * SECTORS + 1; s++)
             starts[s + 1] += starts[s];
     }
     memcpy(order, scratch, cell->far_count * sizeof *order);
@@ -61,7 +64,41 @@ static hw_far_draw make_draw(const hw_cell *cell, const hw_far_record *record, u
                                      (float)record->rect.width / width / 65535.0f,
                                      (float)record->rect.height / height / 65535.0f},
                          .first_index = first_index,
-                         .index_count = record->index_count};
+                         .index_count = record->index_count,
+                         .middle = hw_box_centre(record->bounds)};
+}
+
+static hw_far_view_draw make_view(const hw_cell *cell, const hw_far_record *record,
+                                  const hw_far_view *view)
+{
+    hw_far_view_draw out = {.eye = view ? view->eye : cell->centre};
+    hw_mat4 texels = hw_far_view_matrix(record, cell->centre, view);
+    for (int c = 0; c < 4; c++) {
+        texels.m[4 * c] /= cell->atlas_width;
+        texels.m[4 * c + 1] /= cell->atlas_height;
+    }
+    hw_mat4_to_float(&texels, out.texture);
+    return out;
+}
+
+// The captures of the MVMeshes, which are the first of the list.
+static hw_status arrange_views(const hw_cell *cell, const hw_cull_item *order,
+                               hw_cell_records *records)
+{
+    uint32_t n = 0;
+    HW_TRY(HW_NEW(&records->views, cell->view_count + records->multi_count));
+    for (uint32_t i = 0; i < records->multi_count; i++) {
+        const hw_far_record *record = &cell->far[order[i].index];
+        hw_far_draw *draw = &records->far[i];
+        draw->first_view = n;
+        draw->view_count = record->view_count + 1;
+        draw->first_range = record->first_range;
+        draw->range_count = record->range_count;
+        records->views[n++] = make_view(cell, record, NULL);
+        for (uint32_t k = 0; k < record->view_count; k++)
+            records->views[n++] = make_view(cell, record, &cell->views[record->first_view + k]);
+    }
+    return HW_OK;
 }
 
 // Fills the drawing list; vertices get their record's place in the drawing order, indices come in
@@ -81,6 +118,7 @@ static hw_status arrange(const hw_cell *cell, hw_cell_data *out)
     for (uint32_t i = 0; i < cell->far_count; i++) {
         const hw_far_record *record = &cell->far[order[i].index];
         records->far[i] = make_draw(cell, record, first);
+        records->multi_count += record->range_count > 0;
         records->opaque_count += !record->cut_out;
         hw_cull_set_put(&records->far_bounds, i, record->bounds);
         for (uint32_t k = 0; k < record->vertex_count; k++)
@@ -90,6 +128,7 @@ static hw_status arrange(const hw_cell *cell, hw_cell_data *out)
         first += record->index_count;
     }
     records->far_count = cell->far_count;
+    HW_GO(arrange_views(cell, order, records));
 out:
     hw_free(order);
     hw_free(scratch);
@@ -117,8 +156,13 @@ static hw_status take_bulk(hw_cell *cell, hw_cell_data *out)
     out->atlas_height = cell->atlas_height;
     out->vertex_count = cell->vertex_count;
     out->index_count = cell->index_count;
+    out->color_count = cell->color_count;
     out->vertices = cell->vertices;
     cell->vertices = NULL;
+    out->colors = cell->colors;
+    cell->colors = NULL;
+    out->records.ranges = cell->ranges;
+    cell->ranges = NULL;
     return HW_OK;
 }
 
@@ -146,7 +190,9 @@ void hw_cell_data_free_bulk(hw_cell_data *data)
 {
     hw_free(data->vertices);
     hw_free(data->indices);
+    hw_free(data->colors);
     hw_free(data->atlas);
+    data->colors = NULL;
     data->vertices = NULL;
     data->indices = NULL;
     data->atlas = NULL;
@@ -157,6 +203,8 @@ void hw_cell_data_free(hw_cell_data *data)
     hw_cell_data_free_bulk(data);
     hw_free(data->records.near);
     hw_free(data->records.far);
+    hw_free(data->records.views);
+    hw_free(data->records.ranges);
     hw_cull_set_free(&data->records.near_bounds);
     hw_cull_set_free(&data->records.far_bounds);
     *data = (hw_cell_data){0};
@@ -172,6 +220,11 @@ static uint64_t index_bytes(const hw_cell_data *data)
     return (uint64_t)data->index_count * sizeof *data->indices;
 }
 
+static uint64_t color_bytes(const hw_cell_data *data)
+{
+    return (uint64_t)data->color_count * sizeof *data->colors;
+}
+
 static uint64_t atlas_bytes(const hw_cell_data *data, bool blocks)
 {
     return data->atlas_width > 0 ? hw_gpu_atlas_bytes(data->atlas_width, data->atlas_height, blocks)
@@ -180,17 +233,18 @@ static uint64_t atlas_bytes(const hw_cell_data *data, bool blocks)
 
 uint64_t hw_cell_data_bytes(const hw_cell_data *data)
 {
-    return vertex_bytes(data) + index_bytes(data) + atlas_bytes(data, true) +
+    return vertex_bytes(data) + index_bytes(data) + color_bytes(data) + atlas_bytes(data, true) +
            data->records.near_count * (sizeof *data->records.near + 6 * sizeof(float)) +
            data->records.far_count * (sizeof *data->records.far + 6 * sizeof(float));
 }
 
 uint64_t hw_cell_data_gpu_bytes(const hw_cell_data *data, bool blocks)
 {
-    return vertex_bytes(data) + index_bytes(data) + atlas_bytes(data, blocks);
+    return vertex_bytes(data) + index_bytes(data) + color_bytes(data) + atlas_bytes(data, blocks);
 }
 
-static hw_status create_objects(hw_gpu_account *account, const hw_cell_data *data, hw_cell_gpu *out)
+static hw_status create_objects(hw_gpu_account *account, const hw_cell_data *data, bool blocks,
+                                hw_cell_gpu *out)
 {
     glGenVertexArrays(1, &out->array);
     glBindVertexArray(out->array);
@@ -198,20 +252,25 @@ static hw_status create_objects(hw_gpu_account *account, const hw_cell_data *dat
                                 &out->vertices));
     glEnableVertexAttribArray(0);
     glVertexAttribPointer(0, 4, GL_UNSIGNED_SHORT, GL_FALSE, 0, hw_gpu_offset(0));
+    if (data->color_count > 0) { // enabled only where the indices stay below color_count
+        HW_TRY(hw_gpu_buffer_create(account, GL_ARRAY_BUFFER, NULL, color_bytes(data),
+                                    GL_STATIC_DRAW, &out->colors));
+        glVertexAttribPointer(1, 4, GL_UNSIGNED_BYTE, GL_TRUE, 0, hw_gpu_offset(0));
+    }
     HW_TRY(hw_gpu_buffer_create(account, GL_ELEMENT_ARRAY_BUFFER, NULL, index_bytes(data),
                                 GL_STATIC_DRAW, &out->indices));
-    return hw_gpu_atlas_create(account, data->atlas_width, data->atlas_height, &out->atlas);
+    return hw_gpu_atlas_create(account, data->atlas_width, data->atlas_height, blocks, &out->atlas);
 }
 
-hw_status hw_cell_gpu_create(hw_gpu_account *account, const hw_cell_data *data, hw_cell_gpu *out,
-                             hw_upload *upload)
+hw_status hw_cell_gpu_create(hw_gpu_account *account, const hw_cell_data *data, bool blocks,
+                             hw_cell_gpu *out, hw_upload *upload)
 {
     uint64_t before = account->bytes;
     *out = (hw_cell_gpu){.id = data->id, .records = &data->records};
     *upload = (hw_upload){0};
     if (data->records.far_count == 0)
         return HW_OK;
-    hw_status status = create_objects(account, data, out);
+    hw_status status = create_objects(account, data, blocks, out);
     glBindVertexArray(0);
     if (status != HW_OK) {
         hw_cell_gpu_free(account, out);
@@ -224,14 +283,17 @@ hw_status hw_cell_gpu_create(hw_gpu_account *account, const hw_cell_data *data, 
     hw_upload_add(upload, (hw_upload_part){.buffer = out->indices.name,
                                            .data = (const uint8_t *)data->indices,
                                            .bytes = index_bytes(data)});
+    if (data->color_count > 0)
+        hw_upload_add(upload, (hw_upload_part){.buffer = out->colors.name,
+                                               .data = (const uint8_t *)data->colors,
+                                               .bytes = color_bytes(data)});
     hw_upload_add(upload,
                   (hw_upload_part){.texture = out->atlas.name,
                                    .data = data->atlas,
                                    .bytes = out->atlas.bytes,
                                    .width = data->atlas_width,
                                    .height = data->atlas_height,
-                                   .format = hw_gpu_takes_blocks() ? HW_UPLOAD_BLOCKS
-                                                                   : HW_UPLOAD_DECODED_BLOCKS});
+                                   .format = blocks ? HW_UPLOAD_BLOCKS : HW_UPLOAD_DECODED_BLOCKS});
     return HW_OK;
 }
 
@@ -239,6 +301,7 @@ void hw_cell_gpu_free(hw_gpu_account *account, hw_cell_gpu *cell)
 {
     hw_gpu_buffer_destroy(account, &cell->vertices);
     hw_gpu_buffer_destroy(account, &cell->indices);
+    hw_gpu_buffer_destroy(account, &cell->colors);
     hw_gpu_texture_destroy(account, &cell->atlas);
     if (cell->array)
         glDeleteVertexArrays(1, &cell->array);

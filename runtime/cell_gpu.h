@@ -15,14 +15,27 @@ typedef struct hw_far_draw {
     hw_mat4 matrix;   // world <- image space
     float texture[4]; // uv = texture.xy + (x, y) * texture.zw
     uint32_t first_index, index_count;
+    // Of MVMeshes: captures, its own first; ranges of its indices; where the object's middle is.
+    uint32_t first_view, view_count, first_range, range_count;
+    hw_vec3 middle;
 } hw_far_draw;
+
+// A capture of an MVMesh.
+typedef struct hw_far_view_draw {
+    hw_vec3 eye;
+    float texture[16]; // (u w, v w, 0, w) <- image space of the record, column-major
+} hw_far_view_draw;
 
 // What a frame needs of a cell's records on the CPU.
 typedef struct hw_cell_records {
     uint32_t near_count, far_count;
-    uint32_t opaque_count; // of the far ones; cut-out ones follow
+    // Of the far ones: MVMeshes come first, cut-out ones after the opaque ones (which MVMeshes
+    // are).
+    uint32_t multi_count, opaque_count;
     hw_near_record *near;
     hw_far_draw *far;
+    hw_far_view_draw *views;
+    hw_far_range *ranges;
     hw_cull_set near_bounds, far_bounds; // in the order of near and far
 } hw_cell_records;
 
@@ -31,10 +44,11 @@ typedef struct hw_cell_data {
     hw_cell_id id;
     hw_cell_records records;
     // On its way to the GPU:
-    uint32_t vertex_count, index_count, atlas_width, atlas_height;
+    uint32_t vertex_count, index_count, color_count, atlas_width, atlas_height;
     hw_far_vertex *vertices; // the record of each is its place in the drawing order
     uint32_t *indices;
-    uint8_t *atlas; // BC3
+    hw_color8 *colors; // of the first color_count vertices
+    uint8_t *atlas;    // BC3
 } hw_cell_data;
 
 // From the bytes of the cell's file; `name` is for messages. Checks against the manifest. On
@@ -55,13 +69,13 @@ typedef struct hw_cell_gpu {
     uint64_t gpu_bytes; // 0: there are no far objects
     const hw_cell_records *records;
     GLuint array;
-    hw_gpu_buffer vertices, indices;
+    hw_gpu_buffer vertices, indices, colors;
     hw_gpu_texture atlas;
 } hw_cell_gpu;
 
-// Makes the GL objects; *upload is to fill them. Borrows the data: its records until
-// hw_cell_gpu_free, the rest until the upload has gone through. On failure *out is zeroed. GL
-// thread only, as is the next.
+// Makes the GL objects, the atlas of blocks or of RGBA; *upload is to fill them. Borrows the data:
+// its records until hw_cell_gpu_free, the rest until the upload has gone through. On failure *out
+// is zeroed. GL thread only, as is the next.
 HW_MUST_USE hw_status hw_cell_gpu_create(hw_gpu_account *account, const hw_cell_data *data,
-                                         hw_cell_gpu *out, hw_upload *upload);
+                                         bool blocks, hw_cell_gpu *out, hw_upload *upload);
 void hw_cell_gpu_free(hw_gpu_account *account, hw_cell_gpu *cell);

@@ -48,6 +48,7 @@ typedef enum hw_key {
     HW_KEY_SEAM_RIGHT,
     HW_KEY_ERROR,
     HW_KEY_COLLISION,
+    HW_KEY_DISSOLVE,
     HW_KEY_FULLSCREEN,
     HW_KEY_QUIT,
     HW_KEY_COUNT

@@ -11,6 +11,11 @@ hw_crossing hw_crossing_at(const hw_hexgrid *grid, hw_cell_id id, hw_vec3 eye, d
     return c;
 }
 
+int hw_fade_phase(hw_fade fade)
+{
+    return fade == HW_FADE_NONE ? HW_PHASE_WHOLE : HW_PHASE_DISSOLVING;
+}
+
 void hw_fade_range(hw_fade fade, float share, float out[2])
 {
     out[0] = fade == HW_FADE_OUT ? share : 0;

@@ -3,6 +3,7 @@
 #include "alloc.h"
 #include "cell_gpu.h"
 #include "crossing.h"
+#include "far_views.h"
 #include "ground.h"
 #include "hierarchy.h"
 #include "prefetch.h"
@@ -10,12 +11,19 @@
 #include "shaders.h"
 #include "store.h"
 #include "system.h"
+#include <math.h>
 #include <string.h>
 #include <time.h>
 
 #define SCRATCH_RECORDS_MAX 65536u // far records that there is room for from the start, at most
 #define FIRST_WAIT_S        0.002  // between looks, while there is nothing to draw
+#define FIRST_NEAR_WAITS    250    // of these, for near objects that could be drawn coarser
 #define FIRST_SIMULATED_S   0.02
+
+// The tolerance of near objects rises by this factor until they fit their budget.
+#define BUDGET_STEP         1.189207115002721 // 2^(1/4)
+#define BUDGET_STEPS        64
+#define BUDGET_ERROR_MIN_PX 0.01 // where a tolerance of 0 begins
 
 #define RANGE_INDICES 30000u // of one draw call, whole triangles
 
@@ -39,6 +47,7 @@ typedef struct near_object {
 // A near object chosen for this frame.
 typedef struct near_draw {
     uint32_t object_idx;
+    float distance; // of its box to the eye
     hw_fade fade;
     const hw_near_level *level;
 } near_draw;
@@ -53,9 +62,6 @@ typedef struct far_program {
     GLint first_record, kept;
 } far_program;
 
-// Programs come whole and dissolving.
-enum { WHOLE, DISSOLVING, PHASES };
-
 typedef struct hybrid {
     hw_gpu_account *account;
     char *dataset;
@@ -67,9 +73,11 @@ typedef struct hybrid {
     bool simulated, drawable; // drawable: a cell was ready once
     double simulated_s;
     hw_ground_gl ground;
-    near_program near_programs[2][PHASES]; // without and with a texture
-    far_program far_programs[2][PHASES];   // opaque, cut out
+    near_program near_programs[2][HW_PHASES]; // without and with a texture
+    far_program far_programs[2][HW_PHASES];   // opaque, cut out
+    hw_far_views_gl far_views;
     double crossing_width;
+    uint32_t near_triangles; // budget
     hw_gpu_buffer far_uniforms;
     hw_gpu_pace pace;
     hw_debug_view debug;
@@ -90,8 +98,9 @@ static void hybrid_destroy(void *state)
     hw_store_destroy(h->store);
     hw_ground_gl_destroy(h->account, &h->ground);
     hw_gpu_buffer_destroy(h->account, &h->far_uniforms);
+    hw_far_views_gl_destroy(&h->far_views);
     for (int i = 0; i < 2; i++)
-        for (int phase = 0; phase < PHASES; phase++) {
+        for (int phase = 0; phase < HW_PHASES; phase++) {
             glDeleteProgram(h->near_programs[i][phase].name);
             glDeleteProgram(h->far_programs[i][phase].name);
         }
@@ -131,13 +140,13 @@ static hw_status make_far_program(const char *defines, far_program *out)
 
 static hw_status make_programs(hybrid *h)
 {
-    static const char *const near_defines[2][PHASES] = {
+    static const char *const near_defines[2][HW_PHASES] = {
         {"", "#define DISSOLVE\n"}, {"#define TEXTURED\n", "#define TEXTURED\n#define DISSOLVE\n"}};
-    static const char *const far_defines[2][PHASES] = {
+    static const char *const far_defines[2][HW_PHASES] = {
         {FAR_DEFINES, FAR_DEFINES "#define DISSOLVE\n"},
         {FAR_DEFINES "#define CUT_OUT\n", FAR_DEFINES "#define CUT_OUT\n#define DISSOLVE\n"}};
     for (int i = 0; i < 2; i++)
-        for (int phase = 0; phase < PHASES; phase++) {
+        for (int phase = 0; phase < HW_PHASES; phase++) {
             HW_TRY(make_near_program(near_defines[i][phase], &h->near_programs[i][phase]));
             HW_TRY(make_far_program(far_defines[i][phase], &h->far_programs[i][phase]));
         }
@@ -201,11 +210,12 @@ static hw_status make_loading(hybrid *h, const hw_streaming *streaming)
     HW_TRY(hw_store_create(&desc, &h->store));
     if (loading == HW_LOADING_AHEAD || loading == HW_LOADING_SIMULATED)
         HW_TRY(hw_prefetch_create(h->store, &h->manifest, h->stretch, &h->prefetch));
-    // Of most datasets' cells none has more records than there are objects.
+    // Of most datasets' cells none has more records than there are objects; two cells are drawn
+    // while one dissolves into the other.
     size_t records = h->manifest.object_count;
-    records = records < SCRATCH_RECORDS_MAX ? records : SCRATCH_RECORDS_MAX;
+    records = 2 * (records < SCRATCH_RECORDS_MAX ? records : SCRATCH_RECORDS_MAX);
     return reserve_scratch(h, records,
-                           records + (size_t)h->manifest.grid.levels * HW_FAR_PAGE_RECORDS);
+                           records + 2 * (size_t)h->manifest.grid.levels * HW_FAR_PAGE_RECORDS);
 }
 
 static hw_status hybrid_create(const hw_renderer_desc *desc, hw_gpu_account *account, void **state)
@@ -215,6 +225,7 @@ static hw_status hybrid_create(const hw_renderer_desc *desc, hw_gpu_account *acc
     HW_TRY(HW_NEW(&h, 1));
     h->account = account;
     h->crossing_width = desc->crossing_width;
+    h->near_triangles = desc->near_triangles ? desc->near_triangles : HW_NEAR_TRIANGLES;
     HW_GO(hw_strdup(&h->dataset, desc->dataset));
     HW_GO(hw_manifest_open(h->dataset, &h->manifest));
     HW_GO(HW_NEW(&h->objects, h->manifest.object_count));
@@ -228,6 +239,7 @@ static hw_status hybrid_create(const hw_renderer_desc *desc, hw_gpu_account *acc
     HW_GO(make_loading(h, &desc->streaming));
     HW_GO(hw_ground_gl_create(account, &h->manifest.ground, bounds, &h->ground));
     HW_GO(make_programs(h));
+    HW_GO(hw_far_views_gl_create(&h->far_views));
     *state = h;
     h = NULL;
 out:
@@ -341,23 +353,65 @@ static void begin_loading(hybrid *h, const hw_camera *camera)
         hw_prefetch_update(h->prefetch, camera, now_s(h));
 }
 
-// Only until there has once been something to draw.
+// Time in which the loader works, while there is nothing to draw.
+static void wait_a_little(hybrid *h, const hw_camera *camera)
+{
+    const struct timespec pause = {0, (long)(FIRST_WAIT_S * 1e9)};
+    if (h->simulated) {
+        h->simulated_s += FIRST_SIMULATED_S;
+        hw_store_simulate(h->store, h->simulated_s);
+    } else {
+        nanosleep(&pause, NULL);
+    }
+    begin_loading(h, camera);
+}
+
 static hw_status wait_for_chain(hybrid *h, const hw_camera *camera, hw_cell_id id,
                                 hw_cell_gpu *out[HW_CELL_LEVELS_MAX])
 {
-    const struct timespec pause = {0, (long)(FIRST_WAIT_S * 1e9)};
     while (!is_chain_ready(h, id, out)) {
         if (has_failed(h, id))
             return hw_fail(HW_IO, "%s", hw_store_get_stats(h->store).problem);
-        if (h->simulated) {
-            h->simulated_s += FIRST_SIMULATED_S;
-            hw_store_simulate(h->store, h->simulated_s);
-        } else {
-            nanosleep(&pause, NULL);
-        }
-        begin_loading(h, camera);
+        wait_a_little(h, camera);
     }
     return HW_OK;
+}
+
+// The level of detail of a near object that a tolerance asks for at this distance.
+static hw_data_key level_key(const hybrid *h, uint32_t object_idx, double error_px, double focal_px,
+                             float distance)
+{
+    hw_data_key key = {HW_DATA_LEVEL, h->manifest.objects[object_idx].mesh_idx, 0};
+    key.level = hw_prefetch_level(hw_store_table(h->store, key.index), error_px, focal_px,
+                                  (double)h->stretch[object_idx], (double)distance);
+    return key;
+}
+
+// Whether all near objects of the cell are there as they should be; wishes for what is not.
+static bool is_near_exact(hybrid *h, const hw_cell_records *cell, const hw_camera *camera)
+{
+    double focal_px = hw_camera_focal_px(camera);
+    bool exact = true;
+    for (uint32_t i = 0; i < cell->near_count; i++) {
+        uint32_t object_idx = cell->near[i].object_idx;
+        float distance = hw_box_distance(h->manifest.objects[object_idx].bounds, camera->eye);
+        hw_data_key key = level_key(h, object_idx, h->manifest.near_error_px, focal_px, distance);
+        if (hw_store_table(h->store, key.index)->items[key.level].state == HW_ITEM_READY)
+            continue;
+        exact = false;
+        hw_prefetch_urge(h->prefetch, key);
+    }
+    return exact;
+}
+
+// The first picture is to be as it should be, if that does not take too long.
+static hw_status wait_for_first(hybrid *h, const hw_camera *camera, hw_cell_id id,
+                                hw_cell_gpu *out[HW_CELL_LEVELS_MAX])
+{
+    HW_TRY(wait_for_chain(h, camera, id, out));
+    for (int i = 0; i < FIRST_NEAR_WAITS && !is_near_exact(h, out[0]->records, camera); i++)
+        wait_a_little(h, camera);
+    return wait_for_chain(h, camera, id, out);
 }
 
 static hw_status need_chain(hybrid *h, hw_cell_id id, hw_cell_gpu *out[HW_CELL_LEVELS_MAX])
@@ -377,12 +431,10 @@ static hw_status find_own_cells(hybrid *h, const hw_camera *camera, hw_cell_id i
     if (!h->prefetch) {
         HW_TRY(need_chain(h, id, out));
     } else if (!is_chain_ready(h, id, out)) {
-        if (!h->drawable)
-            HW_TRY(wait_for_chain(h, camera, id, out));
-        else if (find_closest_chain(h, camera->eye, out))
+        if (h->drawable && find_closest_chain(h, camera->eye, out))
             stats->stream.late_cells = (uint32_t)h->manifest.grid.levels;
         else
-            return hw_fail(HW_INTERNAL, "%s: no cell is left to draw", h->dataset);
+            HW_TRY(wait_for_first(h, camera, id, out));
     }
     h->drawable = true;
     use_cells(h, out);
@@ -394,16 +446,19 @@ static hw_status find_own_cells(hybrid *h, const hw_camera *camera, hw_cell_id i
 // The cells beyond a border that the viewer is close to, if the dataset has them; with prefetching,
 // if they are there already.
 static hw_status find_other_cells(hybrid *h, const hw_camera *camera, hw_cell_id id,
-                                  frame_cells *out)
+                                  hw_frame_stats *stats, frame_cells *out)
 {
     uint32_t index;
     out->share = 0;
     if (h->debug.hard || h->debug.frozen)
         return HW_OK;
     hw_crossing c = hw_crossing_at(&h->manifest.grid, id, camera->eye, h->crossing_width);
-    if (c.share == 0 || !hw_store_find_cell(h->store, c.other, &index) ||
-        (h->prefetch && !is_chain_ready(h, c.other, out->other)))
+    if (c.share == 0 || !hw_store_find_cell(h->store, c.other, &index))
         return HW_OK;
+    if (h->prefetch && !is_chain_ready(h, c.other, out->other)) {
+        stats->stream.missing++;
+        return HW_OK;
+    }
     if (!h->prefetch)
         HW_TRY(need_chain(h, c.other, out->other));
     use_cells(h, out->other);
@@ -418,7 +473,7 @@ static hw_status find_cells(hybrid *h, const hw_camera *camera, hw_frame_stats *
     HW_TRY(find_own_cells(h, camera, id, stats, out->own));
     out->share = 0;
     if (!stats->stream.late_cells)
-        HW_TRY(find_other_cells(h, camera, id, out));
+        HW_TRY(find_other_cells(h, camera, id, stats, out));
     size_t near = 0, far = 0;
     hw_cell_gpu *const *chains[2] = {out->own, out->share > 0 ? out->other : NULL};
     for (int i = 0; i < 2 && chains[i]; i++) {
@@ -431,18 +486,43 @@ static hw_status find_cells(hybrid *h, const hw_camera *camera, hw_frame_stats *
 
 // ---- near objects ----------------------------------------------------------------------------
 
-// The level of detail of a near object at this distance: waits for it, or takes the best there is.
-static hw_status get_level(hybrid *h, uint32_t object_idx, double focal_px, float distance,
-                           hw_frame_stats *stats, const hw_near_level **out)
+static hw_data_key draw_key(const hybrid *h, const near_draw *draw, double error_px,
+                            double focal_px)
 {
-    hw_data_key key = {HW_DATA_LEVEL, h->manifest.objects[object_idx].mesh_idx, 0};
+    return level_key(h, draw->object_idx, error_px, focal_px, draw->distance);
+}
+
+static uint64_t count_triangles(const hybrid *h, uint32_t count, double error_px, double focal_px)
+{
+    uint64_t sum = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        hw_data_key key = draw_key(h, &h->near[i], error_px, focal_px);
+        sum += hw_store_table(h->store, key.index)->triangles[key.level];
+    }
+    return sum;
+}
+
+// The dataset's tolerance, or the least larger one with which all near objects together stay within
+// their budget of triangles: each gives up the same error on the screen.
+static double fit_error(const hybrid *h, uint32_t count, double focal_px)
+{
+    double error_px = h->manifest.near_error_px;
+    for (int i = 0; i < BUDGET_STEPS; i++) {
+        if (count_triangles(h, count, error_px, focal_px) <= h->near_triangles)
+            break;
+        error_px = fmax(error_px, BUDGET_ERROR_MIN_PX) * BUDGET_STEP;
+    }
+    return error_px;
+}
+
+// Waits for the level, or takes the best there is.
+static hw_status get_level(hybrid *h, hw_data_key key, hw_frame_stats *stats, near_draw *draw)
+{
     const hw_mesh_table *table = hw_store_table(h->store, key.index);
-    key.level = hw_prefetch_level(table, h->manifest.near_error_px, focal_px,
-                                  (double)h->stretch[object_idx], (double)distance);
     if (!h->prefetch)
         HW_TRY(hw_store_need(h->store, key));
-    *out = hw_store_level(h->store, key.index, key.level);
-    if (!h->prefetch || *out == &table->items[key.level].level)
+    draw->level = hw_store_level(h->store, key.index, key.level);
+    if (!h->prefetch || draw->level == &table->items[key.level].level)
         return HW_OK;
     stats->stream.missing++;
     hw_prefetch_urge(h->prefetch, key);
@@ -463,31 +543,43 @@ static bool is_near(const hw_cell_records *cell, uint32_t object_idx)
     return low < cell->near_count && cell->near[low].object_idx == object_idx;
 }
 
-// Adds the cell's near objects in view, front to back, with their levels, to the *count in h->near.
-// What is near in the other cell too (NULL: there is none) does not dissolve, and comes once.
-static hw_status choose_near(hybrid *h, const hw_cell_records *cell, const hw_cell_records *other,
-                             hw_fade fade, const hw_camera *camera, const hw_frustum *frustum,
-                             hw_frame_stats *stats, uint32_t *out_count)
+// Adds the cell's near objects in view, front to back, to the *count in h->near. What is near in
+// the other cell too (NULL: there is none) does not dissolve, and comes once.
+static void list_near(hybrid *h, const hw_cell_records *cell, const hw_cell_records *other,
+                      hw_fade fade, hw_vec3 eye, const hw_frustum *frustum, uint32_t *out_count)
 {
-    double focal_px = hw_camera_focal_px(camera);
     uint32_t count = hw_cull_visible(&cell->near_bounds, frustum, h->visible);
     for (uint32_t i = 0; i < count; i++) {
         const hw_near_record *record = &cell->near[h->visible[i]];
-        float distance =
-            hw_box_distance(h->manifest.objects[record->object_idx].bounds, camera->eye);
+        float distance = hw_box_distance(h->manifest.objects[record->object_idx].bounds, eye);
         h->order[i] = (hw_cull_item){distance, h->visible[i]};
     }
     hw_cull_sort(h->order, count, h->order_scratch);
     for (uint32_t i = 0; i < count; i++) {
         uint32_t object_idx = cell->near[h->order[i].index].object_idx;
         bool shared = !other || is_near(other, object_idx);
-        if (shared && fade == HW_FADE_IN)
-            continue;
-        near_draw *draw = &h->near[(*out_count)++];
-        draw->object_idx = object_idx;
-        draw->fade = shared ? HW_FADE_NONE : fade;
-        HW_TRY(get_level(h, object_idx, focal_px, h->order[i].key, stats, &draw->level));
+        if (!shared || fade != HW_FADE_IN)
+            h->near[(*out_count)++] = (near_draw){.object_idx = object_idx,
+                                                  .distance = h->order[i].key,
+                                                  .fade = shared ? HW_FADE_NONE : fade};
     }
+}
+
+// Near objects in view, of the viewer's cell and of the one beyond the border, and their levels,
+// into h->near.
+static hw_status choose_near(hybrid *h, const frame_cells *cells, const hw_camera *camera,
+                             const hw_frustum *frustum, hw_frame_stats *stats, uint32_t *count)
+{
+    const hw_cell_records *own = cells->own[0]->records;
+    const hw_cell_records *other = cells->share > 0 ? cells->other[0]->records : NULL;
+    double focal_px = hw_camera_focal_px(camera);
+    *count = 0;
+    list_near(h, own, other, HW_FADE_OUT, camera->eye, frustum, count);
+    if (other)
+        list_near(h, other, own, HW_FADE_IN, camera->eye, frustum, count);
+    double error_px = fit_error(h, *count, focal_px);
+    for (uint32_t i = 0; i < *count; i++)
+        HW_TRY(get_level(h, draw_key(h, &h->near[i], error_px, focal_px), stats, &h->near[i]));
     return HW_OK;
 }
 
@@ -509,8 +601,7 @@ static void draw_near(hybrid *h, uint32_t count, float share, const hw_mat4 *mat
         const hw_near_level *level = h->near[i].level;
         GLuint texture = hw_store_texture(h->store, object->texture_idx);
         bool textured = texture && level->has_uvs;
-        const near_program *program =
-            &h->near_programs[textured][h->near[i].fade == HW_FADE_NONE ? WHOLE : DISSOLVING];
+        const near_program *program = &h->near_programs[textured][hw_fade_phase(h->near[i].fade)];
         if (program != bound)
             glUseProgram(program->name);
         bound = program;
@@ -561,7 +652,7 @@ static void draw_range(hybrid *h, const hw_cell_gpu *cell, uint32_t first, uint3
 typedef struct far_list {
     const hw_cell_gpu *cell;
     uint32_t first_page, first_visible, count;
-    uint32_t opaque_count; // of the visible ones, before those cut out
+    uint32_t multi_count, opaque_count; // of the visible ones, as in hw_cell_records
     hw_fade fade;
 } far_list;
 
@@ -595,6 +686,7 @@ static far_list list_far(hybrid *h, const hw_cell_gpu *cell, hw_fade fade, const
     list.count = hw_cull_visible(&cell->records->far_bounds, frustum, visible);
     for (uint32_t i = 0; i < list.count; i++) {
         const hw_far_draw *far = &cell->records->far[visible[i]];
+        list.multi_count += visible[i] < cell->records->multi_count;
         list.opaque_count += visible[i] < cell->records->opaque_count;
         far_uniform *uniform = &h->far[list.first_visible + visible[i]];
         hw_mat4 product = hw_mat4_mul(*matrix, far->matrix);
@@ -604,14 +696,24 @@ static far_list list_far(hybrid *h, const hw_cell_gpu *cell, hw_fade fade, const
     return list;
 }
 
-// Draws the visible records of the list that are cut out, or those that are not, page by page.
+static void draw_views(hybrid *h, const far_list *list, hw_far_views_frame *frame)
+{
+    if (list->multi_count == 0)
+        return;
+    frame->fade = list->fade;
+    glBindTexture(GL_TEXTURE_2D, list->cell->atlas.name);
+    glBindVertexArray(list->cell->array);
+    for (uint32_t i = 0; i < list->multi_count; i++)
+        hw_far_views_gl_draw(&h->far_views, frame, list->cell, h->visible[list->first_visible + i]);
+}
+
+// Draws the visible SVMeshes of the list that are cut out, or those that are not, page by page.
 static void draw_list(hybrid *h, const far_list *list, bool cut_out, float share,
                       hw_frame_stats *stats)
 {
     const uint32_t *visible = h->visible + list->first_visible;
-    const far_program *program =
-        &h->far_programs[cut_out][list->fade == HW_FADE_NONE ? WHOLE : DISSOLVING];
-    uint32_t begin = cut_out ? list->opaque_count : 0;
+    const far_program *program = &h->far_programs[cut_out][hw_fade_phase(list->fade)];
+    uint32_t begin = cut_out ? list->opaque_count : list->multi_count;
     uint32_t end = cut_out ? list->count : list->opaque_count;
     if (begin == end)
         return;
@@ -640,9 +742,9 @@ static void add_far(hybrid *h, far_lists *out, const hw_cell_gpu *cell, hw_fade 
     out->pages += (uint32_t)page_count(cell->records->far_count);
 }
 
-// What is opaque, then what is cut out, which software GL cannot test for depth early; each level
-// by level, near to far. The uniforms of all go up before the first is drawn.
-static void draw_far(hybrid *h, const frame_cells *cells, const hw_mat4 *matrix,
+// MVMeshes, what else is opaque, then what is cut out, which software GL cannot test for depth
+// early; each level by level, near to far. The uniforms of all go up before the first is drawn.
+static void draw_far(hybrid *h, const frame_cells *cells, hw_vec3 eye, const hw_mat4 *matrix,
                      const hw_frustum *frustum, hw_frame_stats *stats)
 {
     far_lists far = {.count = 0};
@@ -656,6 +758,11 @@ static void draw_far(hybrid *h, const frame_cells *cells, const hw_mat4 *matrix,
         return;
     glBindBuffer(GL_UNIFORM_BUFFER, h->far_uniforms.name);
     glBufferSubData(GL_UNIFORM_BUFFER, 0, (GLsizeiptr)(far.pages * PAGE_BYTES), h->far);
+    hw_far_views_frame frame = {matrix, eye, HW_FADE_NONE, cells->share, &h->pace, stats};
+    hw_debug_tint(&h->debug, HW_REPRESENTATION_MVMESH);
+    for (uint32_t i = 0; i < far.count; i++)
+        draw_views(h, &far.lists[i], &frame);
+    hw_debug_tint(&h->debug, HW_REPRESENTATION_SVMESH);
     for (int cut_out = 0; cut_out < 2; cut_out++)
         for (uint32_t i = 0; i < far.count; i++)
             draw_list(h, &far.lists[i], cut_out, cells->share, stats);
@@ -669,21 +776,6 @@ typedef struct frame_view {
     frame_cells cells;
     uint32_t near_count;
 } frame_view;
-
-// The near objects of the viewer's cell and of the one beyond the border.
-static hw_status choose_all_near(hybrid *h, const hw_camera *camera, hw_frame_stats *stats,
-                                 frame_view *view)
-{
-    const hw_cell_records *own = view->cells.own[0]->records;
-    const hw_cell_records *other = view->cells.share > 0 ? view->cells.other[0]->records : NULL;
-    view->near_count = 0;
-    HW_TRY(choose_near(h, own, other, HW_FADE_OUT, camera, &view->frustum, stats,
-                       &view->near_count));
-    if (!other)
-        return HW_OK;
-    return choose_near(h, other, own, HW_FADE_IN, camera, &view->frustum, stats,
-                       &view->near_count);
-}
 
 static void put_stream_stats(const hybrid *h, const hw_store_stats *before, hw_frame_stats *stats)
 {
@@ -718,7 +810,7 @@ static hw_status begin_frame(hybrid *h, const hw_camera *camera, hw_frame_stats 
     begin_loading(h, culling);
     hw_status status = find_cells(h, culling, stats, &view->cells);
     if (status == HW_OK)
-        status = choose_all_near(h, culling, stats, view);
+        status = choose_near(h, &view->cells, culling, &view->frustum, stats, &view->near_count);
     put_stream_stats(h, &before, stats);
     if (stats->stalls)
         stats->load_ms = hw_clock_ms() - start + stats->stream.waited_ms;
@@ -750,8 +842,7 @@ static hw_status hybrid_draw(void *state, const hw_camera *camera, hw_frame_stat
     hw_gpu_pace_flush(&h->pace);
     hw_debug_tint(&h->debug, HW_REPRESENTATION_NEAR);
     draw_near(h, view.near_count, view.cells.share, &view.matrix, stats);
-    hw_debug_tint(&h->debug, HW_REPRESENTATION_SVMESH);
-    draw_far(h, &view.cells, &view.matrix, &view.frustum, stats);
+    draw_far(h, &view.cells, camera->eye, &view.matrix, &view.frustum, stats);
     glBindVertexArray(0);
     stats->triangles += stats->near_triangles + stats->far_triangles;
     return HW_OK;

@@ -189,9 +189,14 @@ hw_status hw_gpu_texture_create_empty(hw_gpu_account *account, uint32_t width, u
     return create_repeating(account, width, height, NULL, out);
 }
 
-bool hw_gpu_takes_blocks(void)
+bool hw_gpu_has_blocks(void)
 {
-    return GLAD_GL_EXT_texture_compression_s3tc && !hw_gpu_is_software();
+    return GLAD_GL_EXT_texture_compression_s3tc != 0;
+}
+
+bool hw_gpu_has_fast_blocks(void)
+{
+    return hw_gpu_has_blocks() && !hw_gpu_is_software();
 }
 
 uint64_t hw_gpu_atlas_bytes(uint32_t width, uint32_t height, bool blocks)
@@ -199,12 +204,11 @@ uint64_t hw_gpu_atlas_bytes(uint32_t width, uint32_t height, bool blocks)
     return blocks ? hw_bc3_bytes(width, height) : (uint64_t)width * height * 4;
 }
 
-hw_status hw_gpu_atlas_create(hw_gpu_account *account, uint32_t width, uint32_t height,
+hw_status hw_gpu_atlas_create(hw_gpu_account *account, uint32_t width, uint32_t height, bool blocks,
                               hw_gpu_texture *out)
 {
     *out = (hw_gpu_texture){0};
     HW_TRY(check_size(width, height));
-    bool blocks = hw_gpu_takes_blocks();
     uint64_t bytes = hw_gpu_atlas_bytes(width, height, blocks);
     texture_begin(out, GL_CLAMP_TO_EDGE, GL_LINEAR);
     if (blocks)

@@ -44,15 +44,16 @@ HW_MUST_USE hw_status hw_gpu_texture_create(hw_gpu_account *account, const hw_im
 // The same with contents to come, level 0 first, then the mipmaps.
 HW_MUST_USE hw_status hw_gpu_texture_create_empty(hw_gpu_account *account, uint32_t width,
                                                   uint32_t height, hw_gpu_texture *out);
-// Bilinear, clamped, without mipmaps, for BC3 blocks (sides multiples of 4), with contents to come;
-// row 0 is v = 0. It takes blocks if hw_gpu_takes_blocks, else RGBA.
+// Bilinear, clamped, without mipmaps, of BC3 blocks or RGBA (sides multiples of 4), with contents
+// to come; row 0 is v = 0.
 HW_MUST_USE hw_status hw_gpu_atlas_create(hw_gpu_account *account, uint32_t width, uint32_t height,
-                                          hw_gpu_texture *out);
-// Whether atlases are kept as BC3 blocks: in hardware that has the format. Software GL samples RGBA
-// faster than it decodes blocks: 5 % of a frame.
-bool hw_gpu_takes_blocks(void);
+                                          bool blocks, hw_gpu_texture *out);
 // Bytes of an atlas on the GPU.
 uint64_t hw_gpu_atlas_bytes(uint32_t width, uint32_t height, bool blocks);
+// Whether the GL has textures of BC3 blocks, and whether they are as fast as RGBA: software GL
+// loses 5 % of a frame to decoding them, but needs a quarter of the memory.
+bool hw_gpu_has_blocks(void);
+bool hw_gpu_has_fast_blocks(void);
 void hw_gpu_texture_destroy(hw_gpu_account *account, hw_gpu_texture *texture);
 
 // Whether GL runs on the processor (llvmpipe, softpipe, swrast).

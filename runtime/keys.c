@@ -40,6 +40,7 @@ const hw_key_row hw_key_rows[] = {
     {HW_KEY_SEAM_RIGHT, {"Period"}, "d-pad right", "seam to the right"},
     {HW_KEY_ERROR, {"F8"}, NULL, "error map against B"},
     {HW_KEY_COLLISION, {"F9"}, NULL, "collision on or off"},
+    {HW_KEY_DISSOLVE, {"F10"}, NULL, "dissolve at crossings or not"},
     {HW_KEY_FULLSCREEN, {"F11"}, NULL, "fullscreen on or off"},
     {HW_KEY_QUIT, {"Escape", "Ctrl+Q"}, NULL, "free the mouse, then quit"},
 };

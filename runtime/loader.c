@@ -14,11 +14,12 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-#define JOBS_MAX       3u // reads going on at a time
+#define JOBS_MAX       2u // reads going on at a time
 #define WISHES_MAX     4096u
 #define RESULTS_MAX    64u
 #define DISPOSALS_MAX  4096u
 #define PRIORITY_LOWER 10 // nice value of the thread
+#define CELL_RATIO     5u // bytes of a cell in memory per byte of its file, at most about
 #define NAME_CAPACITY  64u
 
 // A piece on its way.
@@ -111,6 +112,7 @@ static void free_loaded(hw_loaded *loaded)
     hw_image_free(&loaded->texture);
     hw_free(loaded->table.errors);
     hw_free(loaded->table.gpu_bytes);
+    hw_free(loaded->table.triangles);
     hw_free(loaded->table.items);
     hw_free(loaded);
 }
@@ -120,22 +122,28 @@ static hw_status copy_table(const hw_mesh_file *file, uint32_t mesh, hw_mesh_tab
     uint32_t count = hw_mesh_file_level_count(file);
     HW_TRY(HW_NEW(&out->errors, count));
     HW_TRY(HW_NEW(&out->gpu_bytes, count));
+    HW_TRY(HW_NEW(&out->triangles, count));
     HW_TRY(HW_NEW(&out->items, count));
     for (uint32_t i = 0; i < count; i++) {
         const hw_mesh_level_info *info = hw_mesh_file_level(file, i);
         out->errors[i] = info->error_p99;
         out->items[i].key = (hw_data_key){HW_DATA_LEVEL, mesh, i};
+        out->triangles[i] = info->index_count / 3;
         out->gpu_bytes[i] = hw_near_level_bytes(info->vertex_count, info->index_count, false);
     }
     out->level_count = count;
     return HW_OK;
 }
 
-static hw_status decode_level(hw_loader *l, hw_data_key key, const hw_block *block,
-                              hw_near_data *out)
+static hw_status decode_level(hw_loader *l, hw_data_key key, const char *path,
+                              const hw_block *block, hw_near_data *out)
 {
+    const hw_mesh_file *table = l->tables[key.index];
     hw_mesh mesh = {0};
-    HW_TRY(hw_mesh_file_decode(l->tables[key.index], key.level, block->data, block->size, &mesh));
+    // Another level of the file may have been found damaged meanwhile: the table went with it.
+    if (!table || key.level >= hw_mesh_file_level_count(table))
+        return hw_fail(HW_FORMAT, "%s: has changed", path);
+    HW_TRY(hw_mesh_file_decode(table, key.level, block->data, block->size, &mesh));
     hw_status status = hw_near_data_make(&mesh, out);
     hw_mesh_free(&mesh);
     return status;
@@ -166,7 +174,7 @@ static hw_status decode(hw_loader *l, const job *j, const char *path, const hw_b
     case HW_DATA_MESH:
         return copy_table(l->tables[index], index, &out->table);
     case HW_DATA_LEVEL:
-        HW_TRY(decode_level(l, j->key, block, &out->level));
+        HW_TRY(decode_level(l, j->key, path, block, &out->level));
         out->ram_bytes = hw_near_level_bytes(out->level.vertex_count, out->level.index_count,
                                              out->level.has_uvs);
         return HW_OK;
@@ -361,12 +369,30 @@ static void drop_stale(hw_loader *l)
     }
 }
 
-// Something may always be under way, lest a budget smaller than a piece ends all loading.
-static bool has_room(const hw_loader *l)
+// Bytes that a piece will take once decoded, about.
+static uint64_t estimate(const hw_loader *l, hw_data_key key)
 {
-    if (hw_ring_count(&l->results) + l->job_count + 1 > RESULTS_MAX)
+    const hw_mesh_file *table = key.kind == HW_DATA_LEVEL ? l->tables[key.index] : NULL;
+    if (key.kind == HW_DATA_CELL)
+        return CELL_RATIO * l->manifest->cells[key.index].bytes;
+    if (!table || key.level >= hw_mesh_file_level_count(table))
+        return 0;
+    const hw_mesh_level_info *info = hw_mesh_file_level(table, key.level);
+    return hw_near_level_bytes(info->vertex_count, info->index_count, false);
+}
+
+// Whether a piece may be begun: what is begun is not to exceed the budget. One at a time may
+// always, lest a budget smaller than a piece ends all loading.
+static bool has_room(const hw_loader *l, hw_data_key key)
+{
+    uint64_t bytes = atomic_load(&l->ram_bytes);
+    uint32_t results = hw_ring_count(&l->results);
+    for (uint32_t i = 0; i < l->job_count; i++)
+        bytes += estimate(l, l->jobs[i].key);
+    if (results + l->job_count + 1 > RESULTS_MAX)
         return false;
-    return atomic_load(&l->ram_bytes) < l->ram_budget;
+    return bytes + estimate(l, key) <= l->ram_budget ||
+           (l->job_count == 0 && results == 0 && !l->held && bytes < l->ram_budget);
 }
 
 static void put_result(hw_loader *l, hw_loaded *loaded)
@@ -378,7 +404,8 @@ static void put_result(hw_loader *l, hw_loaded *loaded)
 static void start_jobs(hw_loader *l)
 {
     hw_wish wish;
-    while (l->job_count < JOBS_MAX && has_room(l) && hw_prefetch_queue_take(&l->queue, &wish)) {
+    while (l->job_count < JOBS_MAX && hw_prefetch_queue_peek(&l->queue, &wish) &&
+           has_room(l, wish.key) && hw_prefetch_queue_take(&l->queue, &wish)) {
         job j = {.key = wish.key, .t_priority = wish.t_priority};
         bool gone;
         hw_loaded *failed = step_job(l, &j, &gone);
@@ -448,7 +475,8 @@ void hw_loader_run(hw_loader *loader, double until_s)
     l->frame_s = until_s;
     take_wishes(l);
     drop_stale(l);
-    while (l->now_s < until_s && has_room(l) && hw_prefetch_queue_take(&l->queue, &wish)) {
+    while (l->now_s < until_s && hw_prefetch_queue_peek(&l->queue, &wish) &&
+           has_room(l, wish.key) && hw_prefetch_queue_take(&l->queue, &wish)) {
         hw_loaded *out = hw_loader_load(l, wish.key);
         if (!out)
             continue;

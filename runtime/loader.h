@@ -19,12 +19,13 @@ typedef enum hw_item_state {
 typedef struct hw_item {
     hw_data_key key;
     hw_item_state state;
-    bool on_gpu;   // is to be there, not only in memory
+    int place;     // where it is wanted (store.h)
     double stamp;  // its last t-priority; without a loader's thread the last frame it was used
     uint64_t used; // number of the last frame that drew it
     uint64_t gpu_bytes;
-    double retry_s, wait_s;   // after a failure: when, and how long the next wait is
-    struct hw_loaded *loaded; // in memory, and of a cell as long as it is on the GPU
+    uint64_t known_gpu, known_ram; // of a cell that has been here: its bytes
+    double retry_s, wait_s;        // after a failure: when, and how long the next wait is
+    struct hw_loaded *loaded;      // in memory, and of a cell as long as it is on the GPU
     hw_cell_gpu *cell;
     hw_near_level level;
     hw_gpu_texture texture;
@@ -35,6 +36,7 @@ typedef struct hw_mesh_table {
     uint32_t level_count;
     float *errors;       // surface error, mesh units
     uint64_t *gpu_bytes; // without texture coordinates
+    uint32_t *triangles;
     hw_item *items;      // one for each, away
 } hw_mesh_table;
 

@@ -8,11 +8,13 @@
 #define PLAN_NEAR_MAX  512u
 
 // Weights of what makes a cell urgent; their sum stays below PRIORITY_HERE.
-#define WEIGHT_CLOSE   0.40
-#define WEIGHT_MOTION  0.30
+#define WEIGHT_CLOSE   0.55
+#define WEIGHT_MOTION  0.15
 #define WEIGHT_AIM     0.12
 #define WEIGHT_FRUSTUM 0.08
+#define CLOSE_CELLS    0.4  // the distance, in cell sizes, at which half of the first is left
 #define PRIORITY_HERE  0.95 // the viewer's own cell
+#define PRIORITY_MUST  0.96 // without which it cannot be drawn
 #define PRIORITY_LACK  0.99 // what the present frame lacks
 
 #define CELLS_GPU_SHARE 0.8  // of the GPU's budget
@@ -21,6 +23,7 @@
 #define AHEAD_LEAST     4.0  // units
 #define AHEAD_MOST      60.0
 #define SMOOTH_S        0.25 // over which motion is averaged
+#define WAY_WEIGHT      0.5  // of what is walked before, against the distance from there
 #define REPLAN_S        0.5  // plans are made again after that, for what failed or was lost
 #define SECOND_RING_COS 0.7  // of the second ring only what lies ahead
 
@@ -75,8 +78,8 @@ double hw_prefetch_priority(const hw_prefetch_view *view, hw_vec3 centre, double
     bool moves = hw_v3_length(view->motion) > 0;
     double aim = towards(view->aim, to), motion = moves ? towards(view->motion, to) : aim;
     bool inside = acos(fmin(fmax(2 * aim - 1, -1), 1)) <= view->half_fov_rad;
-    return WEIGHT_CLOSE / (1 + distance / cell_size) + WEIGHT_MOTION * motion + WEIGHT_AIM * aim +
-           (inside ? WEIGHT_FRUSTUM : 0);
+    return WEIGHT_CLOSE / (1 + distance / (CLOSE_CELLS * cell_size)) + WEIGHT_MOTION * motion +
+           WEIGHT_AIM * aim + (inside ? WEIGHT_FRUSTUM : 0);
 }
 
 static hw_vec3 closest_on_edge(hw_vec3 a, hw_vec3 b, hw_vec3 p)
@@ -105,6 +108,19 @@ hw_vec3 hw_prefetch_entry(const hw_hexgrid *grid, hw_cell_id id, hw_vec3 from)
         }
     }
     return best;
+}
+
+double hw_prefetch_distance(const hw_prefetch_view *view, const hw_hexgrid *grid, hw_cell_id id)
+{
+    static const double seconds[] = {0, 0.25, 0.5, 0.75, 1, 1.5, 2, 3};
+    double least = (double)INFINITY;
+    for (size_t i = 0; i < sizeof seconds / sizeof *seconds; i++) {
+        double way = view->speed * seconds[i];
+        hw_vec3 then = hw_v3_mad(view->eye, view->motion, (float)way);
+        hw_vec3 entry = hw_prefetch_entry(grid, id, then);
+        least = fmin(least, (double)hw_v3_length(hw_v3_sub(entry, then)) + WAY_WEIGHT * way);
+    }
+    return least;
 }
 
 // ---- following the viewer --------------------------------------------------------------------
@@ -165,7 +181,7 @@ static void add_candidate(hw_prefetch *p, hw_cell_id id, bool ahead_only)
     if (ahead_only && (double)hw_v3_dot(p->view.motion, to) < SECOND_RING_COS)
         return;
     hw_vec3 entry = hw_prefetch_entry(grid, id, p->view.eye);
-    double distance = (double)hw_v3_length(hw_v3_sub(entry, p->view.eye));
+    double distance = hw_prefetch_distance(&p->view, grid, id);
     double priority = PRIORITY_HERE;
     if (p->candidate_count > 0)
         priority = hw_prefetch_priority(&p->view, centre, distance, grid->cell_size);
@@ -232,9 +248,9 @@ static void sort_plan(plan_entry *entries, uint32_t count)
     }
 }
 
-static void want(hw_prefetch *p, const plan_entry *e, bool on_gpu)
+static void want(hw_prefetch *p, const plan_entry *e, hw_store_place place)
 {
-    hw_store_want(p->store, e->key, (double)p->timestamp + e->priority, on_gpu);
+    hw_store_want(p->store, e->key, (double)p->timestamp + e->priority, place);
 }
 
 // The candidates and the groups that hold them.
@@ -266,13 +282,13 @@ static uint64_t want_cells(hw_prefetch *p)
         bool here = e->priority >= PRIORITY_HERE;
         if (here || (ram == 0 && gpu + e->gpu_bytes <= gpu_limit)) {
             gpu += e->gpu_bytes;
-            want(p, e, true);
+            want(p, e, here ? HW_PLACE_NOW : HW_PLACE_GPU);
             continue;
         }
         ram += hw_store_cell_ram_bytes(p->store, e->key.index);
         if (ram > ram_limit)
             break;
-        want(p, e, false);
+        want(p, e, HW_PLACE_RAM);
     }
     return gpu;
 }
@@ -292,7 +308,7 @@ static void plan_levels(hw_prefetch *p, const candidate *c, uint32_t object_idx,
     const hw_mesh_table *table = hw_store_table(p->store, object->mesh_idx);
     plan_entry e = {.key = {HW_DATA_MESH, object->mesh_idx, 0}, .priority = c->priority};
     if (!table) {
-        want(p, &e, true);
+        want(p, &e, HW_PLACE_GPU);
         return;
     }
     double error_px = p->manifest->near_error_px, stretch = (double)p->stretch[object_idx];
@@ -310,7 +326,7 @@ static void plan_levels(hw_prefetch *p, const candidate *c, uint32_t object_idx,
     }
     // The coarsest, to fall back on.
     e.key.level = table->level_count - 1;
-    e.priority = c->priority;
+    e.priority = c->priority < PRIORITY_HERE ? c->priority : PRIORITY_MUST;
     e.gpu_bytes = table->gpu_bytes[e.key.level];
     plan(p->near, &p->near_count, PLAN_NEAR_MAX, &e);
 }
@@ -328,7 +344,7 @@ static void plan_near(hw_prefetch *p, double focal_px)
             uint32_t object_idx = records->near[k].object_idx;
             int32_t texture = p->manifest->objects[object_idx].texture_idx;
             plan_entry e = {.key = {HW_DATA_TEXTURE, (uint32_t)texture, 0},
-                            .priority = c->priority};
+                            .priority = c->priority < PRIORITY_HERE ? c->priority : PRIORITY_MUST};
             plan_levels(p, c, object_idx, focal_px);
             if (texture >= 0)
                 plan(p->near, &p->near_count, PLAN_NEAR_MAX, &e);
@@ -341,10 +357,11 @@ static void want_near(hw_prefetch *p, uint64_t cell_bytes)
 {
     uint64_t bytes = cell_bytes, budget = hw_store_gpu_budget(p->store);
     for (uint32_t i = 0; i < p->near_count; i++) {
+        bool must = p->near[i].priority >= PRIORITY_MUST;
         bytes += p->near[i].gpu_bytes;
-        if (bytes > budget)
+        if (bytes > budget && !must)
             return;
-        want(p, &p->near[i], true);
+        want(p, &p->near[i], must ? HW_PLACE_NOW : HW_PLACE_GPU);
     }
 }
 
@@ -369,7 +386,7 @@ void hw_prefetch_update(hw_prefetch *prefetch, const hw_camera *camera, double n
 
 void hw_prefetch_urge(hw_prefetch *prefetch, hw_data_key key)
 {
-    hw_store_want(prefetch->store, key, (double)prefetch->timestamp + PRIORITY_LACK, true);
+    hw_store_want(prefetch->store, key, (double)prefetch->timestamp + PRIORITY_LACK, HW_PLACE_GPU);
 }
 
 uint64_t hw_prefetch_timestamp(const hw_prefetch *prefetch)

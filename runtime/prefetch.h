@@ -25,6 +25,10 @@ double hw_prefetch_priority(const hw_prefetch_view *view, hw_vec3 centre, double
 // inside.
 hw_vec3 hw_prefetch_entry(const hw_hexgrid *grid, hw_cell_id id, hw_vec3 from);
 
+// How far a level-0 cell is for a viewer who goes on as he does: the distance from the point of his
+// path that is closest to it, and half of the way there.
+double hw_prefetch_distance(const hw_prefetch_view *view, const hw_hexgrid *grid, hw_cell_id id);
+
 typedef struct hw_prefetch hw_prefetch;
 // Borrows store and manifest. stretch: per object, the factor by which its transform stretches
 // lengths.

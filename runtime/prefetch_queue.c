@@ -34,15 +34,29 @@ bool hw_prefetch_queue_put(hw_prefetch_queue *queue, const hw_wish *wish, hw_wis
     return true;
 }
 
-bool hw_prefetch_queue_take(hw_prefetch_queue *queue, hw_wish *out)
+// Of a queue that is not empty.
+static uint32_t find_best(const hw_prefetch_queue *queue)
 {
     uint32_t best = 0;
     for (uint32_t i = 1; i < queue->count; i++)
         if (queue->wishes[i].t_priority > queue->wishes[best].t_priority)
             best = i;
+    return best;
+}
+
+bool hw_prefetch_queue_peek(const hw_prefetch_queue *queue, hw_wish *out)
+{
     if (queue->count == 0)
         return false;
-    take_out(queue, best, out);
+    *out = queue->wishes[find_best(queue)];
+    return true;
+}
+
+bool hw_prefetch_queue_take(hw_prefetch_queue *queue, hw_wish *out)
+{
+    if (queue->count == 0)
+        return false;
+    take_out(queue, find_best(queue), out);
     return true;
 }
 

@@ -38,7 +38,8 @@ bool hw_data_key_equal(hw_data_key a, hw_data_key b);
 // Adds the wish, or makes it as urgent as it now is if it was there. A full queue gives up its
 // least urgent wish, which may be the new one: true, and *lost is that.
 bool hw_prefetch_queue_put(hw_prefetch_queue *queue, const hw_wish *wish, hw_wish *lost);
-// Takes out the most urgent wish; false if the queue is empty.
+// Copies, or takes out, the most urgent wish; false if the queue is empty.
+bool hw_prefetch_queue_peek(const hw_prefetch_queue *queue, hw_wish *out);
 bool hw_prefetch_queue_take(hw_prefetch_queue *queue, hw_wish *out);
 // Takes out a wish whose t-priority is below timestamp - HW_PREFETCH_STALE; false if there is none.
 bool hw_prefetch_queue_drop(hw_prefetch_queue *queue, double timestamp, hw_wish *out);

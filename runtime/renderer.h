@@ -51,13 +51,16 @@ typedef struct hw_frame_stats {
 
 typedef struct hw_renderer_desc {
     hw_config config;
-    const char *dataset;    // C: the dataset's folder, or its URL (http://...)
-    const hw_scene *scene;  // A, B, L: the original scene, borrowed
-    double lod_error_px;    // L: largest projected error; 0 = 1
-    hw_streaming streaming; // C
-    double crossing_width;  // C: strips along borders in which cells dissolve into each other, in
-                            // cell sizes (crossing.h); 0: hard crossings
+    const char *dataset;     // C: the dataset's folder, or its URL (http://...)
+    const hw_scene *scene;   // A, B, L: the original scene, borrowed
+    double lod_error_px;     // L: largest projected error; 0 = 1
+    hw_streaming streaming;  // C
+    uint32_t near_triangles; // C: of the near objects in a frame, at most; 0 = default
+    double crossing_width;   // C: strips along borders in which cells dissolve into each other, in
+                             // cell sizes (crossing.h); 0: hard crossings
 } hw_renderer_desc;
+
+#define HW_NEAR_TRIANGLES 100000u
 
 // Ten frames of a walk at 30 frames a second, a tenth of the way.
 #define HW_CROSSING_WIDTH 0.08

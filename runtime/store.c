@@ -14,8 +14,9 @@
 #define GPU_RATIO_DECODED 12.0
 #define RAM_RATIO         3.0
 
-// One upload at a time of cells, and one of what is smaller and more urgent.
-enum { UPLOAD_SMALL, UPLOAD_CELL, UPLOADS };
+// One upload at a time of what is small, one of a cell, and one of a cell that turned out to be
+// more urgent; in this order.
+enum { UPLOAD_SMALL, UPLOAD_URGENT, UPLOAD_CELL, UPLOADS };
 
 typedef struct near_mesh {
     hw_item item; // its table's
@@ -40,7 +41,7 @@ struct hw_store {
         hw_item *item;
         hw_upload upload;
     } uploads[UPLOADS];
-    uint64_t frame, gpu_bytes, uploaded_bytes;
+    uint64_t frame, timestamp, gpu_bytes, uploaded_bytes;
     double now_s;
     uint64_t seen_file_bytes, seen_gpu_bytes, seen_ram_bytes; // of cells that came
     uint32_t news, problem_count;
@@ -136,6 +137,38 @@ static bool in_use(const hw_store *s, const hw_item *item)
     return item->used + (s->mode == HW_LOADER_WAITS ? 0 : 1) >= s->frame;
 }
 
+// Whether a mesh (texture_idx -1) or a texture is near to a cell that is in use, which then could
+// not be drawn without it.
+static bool is_near_in_use(const hw_store *s, uint32_t mesh_idx, int32_t texture_idx)
+{
+    for (uint32_t i = 0; i < s->active_count; i++) {
+        const hw_item *item = s->active[i];
+        if (item->key.kind != HW_DATA_CELL || item->state != HW_ITEM_READY || !in_use(s, item))
+            continue;
+        const hw_cell_records *records = &item->loaded->cell.records;
+        for (uint32_t k = 0; k < records->near_count; k++) {
+            const hw_manifest_object *o = &s->manifest->objects[records->near[k].object_idx];
+            if (texture_idx >= 0 ? o->texture_idx == texture_idx : o->mesh_idx == mesh_idx)
+                return true;
+        }
+    }
+    return false;
+}
+
+// Textures, and the last level of a mesh.
+static bool is_indispensable(const hw_store *s, const hw_item *item)
+{
+    if (item->key.kind == HW_DATA_TEXTURE)
+        return is_near_in_use(s, 0, (int32_t)item->key.index);
+    if (item->key.kind != HW_DATA_LEVEL || item->state != HW_ITEM_READY)
+        return false;
+    const hw_mesh_table *table = &s->meshes[item->key.index].table;
+    for (uint32_t i = 0; i < table->level_count; i++)
+        if (&table->items[i] != item && table->items[i].state == HW_ITEM_READY)
+            return false;
+    return is_near_in_use(s, item->key.index, -1);
+}
+
 // Sends away what has been wanted longest ago, but nothing that is as urgent as `stamp`, until
 // `bytes` more fit on the GPU. False: they do not.
 static bool make_gpu_room(hw_store *s, uint64_t bytes, double stamp)
@@ -145,7 +178,7 @@ static bool make_gpu_room(hw_store *s, uint64_t bytes, double stamp)
         for (uint32_t i = 0; i < s->active_count; i++) {
             hw_item *item = s->active[i];
             if (item->gpu_bytes > 0 && !in_use(s, item) && item->stamp < stamp &&
-                (!oldest || item->stamp < oldest->stamp))
+                (!oldest || item->stamp < oldest->stamp) && !is_indispensable(s, item))
                 oldest = item;
         }
         if (!oldest)
@@ -155,7 +188,8 @@ static bool make_gpu_room(hw_store *s, uint64_t bytes, double stamp)
     return true;
 }
 
-// Half of the memory budget is for what waits in memory alone; the rest for what comes and goes.
+// Plans leave half of the memory budget to what comes and goes. What they name no more goes when
+// that is short; what they name, only when there is nothing left of it.
 static void keep_ram_budget(hw_store *s)
 {
     while (true) {
@@ -169,7 +203,8 @@ static void keep_ram_budget(hw_store *s)
             if (!oldest || item->stamp < oldest->stamp)
                 oldest = item;
         }
-        if (bytes <= s->ram_budget / 2 || !oldest)
+        bool planned = oldest && oldest->stamp >= (double)s->timestamp;
+        if (!oldest || bytes <= (planned ? s->ram_budget : s->ram_budget / 2))
             return;
         send_away(s, oldest);
     }
@@ -201,8 +236,8 @@ static hw_cell_gpu *find_free(hw_store *s)
     return NULL;
 }
 
-// A place for one more cell; if there is none, that of the cell wanted longest ago. NULL: all are in
-// use.
+// A place for one more cell; if there is none, that of the cell wanted longest ago. NULL: all are
+// in use.
 static hw_cell_gpu *take_pool(hw_store *s)
 {
     hw_cell_gpu *found = find_free(s);
@@ -242,7 +277,7 @@ static hw_status begin_upload(hw_store *s, hw_item *item, hw_upload *upload)
         item->cell = take_pool(s);
         if (!item->cell)
             return hw_fail(HW_LIMIT, "more than %u cells", HW_STORE_CELLS_MAX);
-        status = hw_cell_gpu_create(s->account, &item->loaded->cell, item->cell, upload);
+        status = hw_cell_gpu_create(s->account, &item->loaded->cell, s->blocks, item->cell, upload);
         break;
     case HW_DATA_LEVEL:
         status = hw_near_level_create(s->account, &item->loaded->level, &item->level, upload);
@@ -276,8 +311,8 @@ static hw_item *next_upload(hw_store *s, int sort)
     hw_item *best = NULL;
     for (uint32_t i = 0; i < s->active_count; i++) {
         hw_item *item = s->active[i];
-        bool fits = (item->key.kind == HW_DATA_CELL) == (sort == UPLOAD_CELL);
-        if (item->state == HW_ITEM_IN_RAM && item->on_gpu && fits &&
+        bool fits = (item->key.kind == HW_DATA_CELL) == (sort != UPLOAD_SMALL);
+        if (item->state == HW_ITEM_IN_RAM && item->place != HW_PLACE_RAM && fits &&
             (!best || item->stamp > best->stamp))
             best = item;
     }
@@ -296,7 +331,11 @@ static void fail_item(hw_store *s, hw_item *item, const char *problem)
 static bool start_upload(hw_store *s, int sort)
 {
     hw_item *item = next_upload(s, sort);
-    if (!item || !make_gpu_room(s, bytes_on_gpu(s, item), item->stamp))
+    const hw_item *running = s->uploads[UPLOAD_CELL].item;
+    if (sort == UPLOAD_URGENT && (!item || !running || running->stamp >= item->stamp))
+        return false;
+    if (!item ||
+        (!make_gpu_room(s, bytes_on_gpu(s, item), item->stamp) && item->place != HW_PLACE_NOW))
         return false;
     if (begin_upload(s, item, &s->uploads[sort].upload) == HW_OK)
         s->uploads[sort].item = item;
@@ -336,11 +375,17 @@ static void adopt_table(hw_store *s, hw_loaded *loaded)
     s->news++;
 }
 
-static void count_cell(hw_store *s, const hw_item *item)
+// Sizes are kept: an estimate that changes whenever a cell comes or goes would make plans do so
+// too.
+static void count_cell(hw_store *s, hw_item *item)
 {
-    s->seen_file_bytes += item->loaded->stored_bytes;
-    s->seen_ram_bytes += item->loaded->ram_bytes;
-    s->seen_gpu_bytes += bytes_on_gpu(s, item);
+    if (item->known_ram == 0) {
+        s->seen_file_bytes += item->loaded->stored_bytes;
+        s->seen_ram_bytes += item->loaded->ram_bytes;
+        s->seen_gpu_bytes += bytes_on_gpu(s, item);
+    }
+    item->known_ram = item->loaded->ram_bytes;
+    item->known_gpu = bytes_on_gpu(s, item);
 }
 
 static void take_loaded(hw_store *s, hw_loaded *loaded)
@@ -393,17 +438,18 @@ void hw_store_simulate(hw_store *store, double now_s)
 
 void hw_store_set_timestamp(hw_store *store, uint64_t timestamp)
 {
+    store->timestamp = timestamp;
     hw_loader_set_timestamp(store->loader, timestamp);
 }
 
-void hw_store_want(hw_store *store, hw_data_key key, double t_priority, bool on_gpu)
+void hw_store_want(hw_store *store, hw_data_key key, double t_priority, hw_store_place place)
 {
     hw_item *item = find_item(store, key);
     if (!item)
         return;
     item->key = key;
     item->stamp = fmax(item->stamp, t_priority);
-    item->on_gpu = on_gpu;
+    item->place = place;
     hw_wish wish = {key, t_priority};
     if (item->state == HW_ITEM_AWAY && store->now_s >= item->retry_s)
         (void)hw_loader_wish(store->loader, &wish); // too many: it will be wished for again
@@ -479,23 +525,24 @@ const hw_cell_records *hw_store_records(const hw_store *store, uint32_t index)
     return item->loaded ? &item->loaded->cell.records : NULL;
 }
 
+static uint64_t estimate(const hw_store *s, uint32_t index, uint64_t seen, double ratio)
+{
+    if (s->seen_file_bytes > 0)
+        ratio = (double)seen / (double)s->seen_file_bytes;
+    return (uint64_t)(ratio * (double)s->manifest->cells[index].bytes);
+}
+
 uint64_t hw_store_cell_gpu_bytes(const hw_store *store, uint32_t index)
 {
-    const hw_item *item = &store->cells[index];
-    if (item->loaded)
-        return hw_cell_data_gpu_bytes(&item->loaded->cell, store->blocks);
+    uint64_t known = store->cells[index].known_gpu;
     double ratio = store->blocks ? GPU_RATIO_BLOCKS : GPU_RATIO_DECODED;
-    if (store->seen_file_bytes > 0)
-        ratio = (double)store->seen_gpu_bytes / (double)store->seen_file_bytes;
-    return (uint64_t)(ratio * (double)store->manifest->cells[index].bytes);
+    return known ? known : estimate(store, index, store->seen_gpu_bytes, ratio);
 }
 
 uint64_t hw_store_cell_ram_bytes(const hw_store *store, uint32_t index)
 {
-    double ratio = RAM_RATIO;
-    if (store->seen_file_bytes > 0)
-        ratio = (double)store->seen_ram_bytes / (double)store->seen_file_bytes;
-    return (uint64_t)(ratio * (double)store->manifest->cells[index].bytes);
+    uint64_t known = store->cells[index].known_ram;
+    return known ? known : estimate(store, index, store->seen_ram_bytes, RAM_RATIO);
 }
 
 void hw_store_use_cell(hw_store *store, hw_cell_gpu *cell)
@@ -609,7 +656,8 @@ hw_status hw_store_create(const hw_store_desc *desc, hw_store **out)
     s->frame_bytes = desc->frame_bytes ? desc->frame_bytes : HW_STORE_FRAME_BYTES;
     if (s->frame_bytes < HW_UPLOAD_BUDGET_MIN)
         s->frame_bytes = HW_UPLOAD_BUDGET_MIN;
-    s->blocks = hw_gpu_takes_blocks();
+    // Who streams would rather have more cells at hand than the last bit of speed.
+    s->blocks = hw_gpu_has_fast_blocks() || (hw_gpu_has_blocks() && desc->mode != HW_LOADER_WAITS);
     HW_GO(HW_NEW(&s->cells, desc->manifest->cell_count));
     HW_GO(HW_NEW(&s->meshes, desc->manifest->mesh_count));
     HW_GO(HW_NEW(&s->textures, desc->manifest->texture_count));
@@ -636,6 +684,7 @@ void hw_store_destroy(hw_store *store)
     for (uint32_t i = 0; store->meshes && i < store->manifest->mesh_count; i++) {
         hw_free(store->meshes[i].table.errors);
         hw_free(store->meshes[i].table.gpu_bytes);
+        hw_free(store->meshes[i].table.triangles);
         hw_free(store->meshes[i].table.items);
     }
     hw_loader_destroy(store->loader);

@@ -7,8 +7,8 @@
 #pragma once
 #include "loader.h"
 
-#define HW_STORE_GPU_BUDGET  (UINT64_C(32) << 20)
-#define HW_STORE_RAM_BUDGET  (UINT64_C(10) << 20)
+#define HW_STORE_GPU_BUDGET  (UINT64_C(16) << 20)
+#define HW_STORE_RAM_BUDGET  (UINT64_C(4) << 20)
 #define HW_STORE_FRAME_BYTES (UINT64_C(1) << 20)
 
 typedef struct hw_store_desc {
@@ -32,10 +32,14 @@ uint64_t hw_store_frame(const hw_store *store); // its number, from 1
 // Simulated time: the loader works up to now_s.
 void hw_store_simulate(hw_store *store, double now_s);
 
-// Wishes for a piece with a t-priority, for the GPU or for memory alone. One that is there stays
-// there the longer.
+// Wishes for a piece with a t-priority. One that is there stays there the longer.
+typedef enum hw_store_place {
+    HW_PLACE_RAM,
+    HW_PLACE_GPU,
+    HW_PLACE_NOW, // on the GPU, even over the budget if all that is there is being drawn
+} hw_store_place;
 void hw_store_set_timestamp(hw_store *store, uint64_t timestamp);
-void hw_store_want(hw_store *store, hw_data_key key, double t_priority, bool on_gpu);
+void hw_store_want(hw_store *store, hw_data_key key, double t_priority, hw_store_place place);
 // Makes a piece ready now, waiting for it; and marks it as used in this frame. Not with a loader's
 // thread. Errors name the file.
 HW_MUST_USE hw_status hw_store_need(hw_store *store, hw_data_key key);

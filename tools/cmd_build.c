@@ -8,11 +8,12 @@
 #include <string.h>
 
 static const char *output, *json_file, *policy = "screen", *shard, *along, *heights = "8:16",
-                                       *occlusion = "off", *clusters = "off";
-static uint64_t threads, memory, levels = 1, texture_side = 1024, every = 1;
+                                       *occlusion = "off", *clusters = "off", *mvmesh_blend = "off";
+static uint64_t threads, memory, levels = 1, texture_side = 1024, every = 1, mvmesh_views = 3;
 static hw_tour tour; // of --along
 static double cell_size = 50, self_occlusion, edge_length = 4.5, near_error = 0.3,
-              outline_error = 0.09, interior_error = 5, impostor = 1, cluster_error = 10;
+              outline_error = 0.09, interior_error = 5, impostor = 1, mvmesh_limit,
+              mvmesh_outline = 0.03, mvmesh_interior = 3, cluster_error = 10;
 static atomic_bool stop;
 
 static uint32_t options(hw_option *out, uint32_t capacity)
@@ -29,6 +30,18 @@ static uint32_t options(hw_option *out, uint32_t capacity)
         {"self-occlusion", 0, HW_OPTION_DOUBLE, &self_occlusion, "PX", NULL, 0, 1e6,
          "T_s, largest self-occluding error of a textured stand-in; 0 means 30 with the policy "
          "screen, 5 with thesis"},
+        {"mvmesh-limit", 0, HW_OPTION_DOUBLE, &mvmesh_limit, "PX", NULL, 0, 1e6,
+         "T_mv: objects whose self-occluding error is T_s or more, but below this, are multi-view "
+         "meshes instead of near objects; 0 means none"},
+        {"mvmesh-views", 0, HW_OPTION_UINT, &mvmesh_views, "N", NULL, 1, HW_FAR_VIEWS_MAX - 1,
+         "captures of a multi-view mesh: one from the cell's centre, the others from corners"},
+        {"mvmesh-blend", 0, HW_OPTION_CHOICE, &mvmesh_blend, "on|off", "on|off", 0, 0,
+         "each triangle of a multi-view mesh keeps all captures that see it, to be drawn with the "
+         "two nearest to the viewer's direction, not the best one only"},
+        {"mvmesh-outline", 0, HW_OPTION_DOUBLE, &mvmesh_outline, "PX", NULL, 1e-4, 100,
+         "mean outline deviation of multi-view meshes (policy screen)"},
+        {"mvmesh-interior", 0, HW_OPTION_DOUBLE, &mvmesh_interior, "PX", NULL, 0, 100,
+         "parallax error inside the outlines of multi-view meshes (policy screen)"},
         {"edge-length", 0, HW_OPTION_DOUBLE, &edge_length, "PX", NULL, 0, 1e6,
          "T_l of the policy thesis"},
         {"outline-error", 0, HW_OPTION_DOUBLE, &outline_error, "PX", NULL, 1e-4, 100,
@@ -116,6 +129,11 @@ static hw_status read_options(const char *scene, hw_build_options *o)
     o->far.edge_length_px = edge_length;
     o->far.outline_px = outline_error;
     o->far.interior_px = interior_error;
+    o->far.multi_view_px = mvmesh_limit;
+    o->far.multi_view_count = (uint32_t)mvmesh_views;
+    o->far.multi_blend = strcmp(mvmesh_blend, "on") == 0;
+    o->far.multi_outline_px = mvmesh_outline;
+    o->far.multi_interior_px = mvmesh_interior;
     o->far.impostor_px = impostor;
     o->far.capture_side_max = (uint32_t)texture_side;
     if (self_occlusion > 0)

@@ -205,6 +205,19 @@ static void add_near_rows(cJSON *json, const hw_cell *cell)
     }
 }
 
+// Of an MVMesh: its captures, and how many triangles none of them sees.
+static void add_views(cJSON *row, const hw_cell *cell, const hw_far_record *far)
+{
+    uint32_t unseen = 0;
+    for (uint32_t i = 0; i < far->range_count; i++) {
+        const hw_far_range *range = &cell->ranges[far->first_range + i];
+        unseen += range->views ? 0 : range->index_count / 3;
+    }
+    add_integer(row, "views", far->view_count + 1);
+    add_integer(row, "ranges", far->range_count);
+    add_integer(row, "unseen", unseen);
+}
+
 static void add_far_rows(cJSON *json, const hw_cell *cell)
 {
     cJSON *rows = cJSON_AddArrayToObject(json, "far_list");
@@ -223,7 +236,17 @@ static void add_far_rows(cJSON *json, const hw_cell *cell)
         add_integer(row, "y", far->rect.y);
         add_integer(row, "width", far->rect.width);
         add_integer(row, "height", far->rect.height);
+        if (far->range_count > 0)
+            add_views(row, cell, far);
     }
+}
+
+static uint32_t multi_view_count(const hw_cell *cell)
+{
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < cell->far_count; i++)
+        count += cell->far[i].range_count > 0;
+    return count;
 }
 
 static hw_status describe_cell(const char *path, cJSON *json)
@@ -237,6 +260,7 @@ static hw_status describe_cell(const char *path, cJSON *json)
     add_vector(json, "centre", cell.centre);
     add_integer(json, "near_objects", cell.near_count);
     add_integer(json, "far_objects", cell.far_count);
+    add_integer(json, "multi_view_objects", multi_view_count(&cell));
     add_integer(json, "vertices", cell.vertex_count);
     add_integer(json, "triangles", cell.index_count / 3);
     add_integer(json, "atlas_width", cell.atlas_width);

@@ -23,7 +23,7 @@ extern char **environ;
 static struct {
     const char *tour, *configs, *output, *samples, *scene, *json;
     uint32_t size[2];
-    uint64_t every, reference_samples, repeat, bandwidth, gpu_budget, ram_budget;
+    uint64_t every, reference_samples, repeat, bandwidth, gpu_budget, ram_budget, near_triangles;
     double lod_error;
     bool streaming;
 } options = {.configs = "A,B,L,C",
@@ -31,7 +31,8 @@ static struct {
              .size = {1024, 1024},
              .reference_samples = 16,
              .repeat = 5,
-             .lod_error = 1};
+             .lod_error = 1,
+             .near_triangles = HW_NEAR_TRIANGLES};
 
 static uint32_t fill_options(hw_option *out, uint32_t capacity)
 {
@@ -49,6 +50,9 @@ static uint32_t fill_options(hw_option *out, uint32_t capacity)
          "Samples per pixel of the configurations."},
         {"lod-error", 0, HW_OPTION_DOUBLE, &options.lod_error, "PX", NULL, 0.001, 1000,
          "Largest projected error of configuration L in pixels."},
+        {"near-triangles", 0, HW_OPTION_UINT, &options.near_triangles, "N", NULL, 1, UINT32_MAX,
+         "Triangles of a frame's near objects in configuration C, at most: beyond that all of them "
+         "become coarser together."},
         {"reference-samples", 0, HW_OPTION_UINT, &options.reference_samples, "N", NULL, 1, 4096,
          "Samples per pixel of the reference image."},
         {"size", 0, HW_OPTION_SIZE, options.size, "WxH", NULL, 1, 16384, "Size of the images."},
@@ -63,9 +67,9 @@ static uint32_t fill_options(hw_option *out, uint32_t capacity)
         {"bandwidth", 0, HW_OPTION_BYTES, &options.bandwidth, "BYTES", NULL, 0, 0,
          "With --streaming: once more reading at most so many bytes a second, 5M for instance."},
         {"gpu-budget", 0, HW_OPTION_BYTES, &options.gpu_budget, "BYTES", NULL, 0, 0,
-         "With --streaming: memory for the dataset's data on the GPU; 0: 32 MiB."},
+         "With --streaming: memory for the dataset's data on the GPU; 0: 16 MiB."},
         {"ram-budget", 0, HW_OPTION_BYTES, &options.ram_budget, "BYTES", NULL, 0, 0,
-         "With --streaming: memory for data on their way to the GPU; 0: 10 MiB."},
+         "With --streaming: memory for data on their way to the GPU; 0: 4 MiB."},
         {"json", 0, HW_OPTION_STRING, &options.json, "FILE", NULL, 0, 0,
          "Write report.json to this file as well."},
     };
@@ -189,6 +193,7 @@ static hw_status fill_facts(hw_report *r, const char *dataset, const hw_manifest
     r->repeat = (uint32_t)options.repeat;
     r->lod_error_px = options.lod_error;
     r->tour_frames = tour->frame_count;
+    r->near_triangles = (uint32_t)options.near_triangles;
     r->every = (uint32_t)options.every;
     if (r->every == 0)
         r->every = (tour->frame_count + FRAMES_WANTED - 1) / FRAMES_WANTED;
@@ -199,7 +204,7 @@ static hw_status fill_facts(hw_report *r, const char *dataset, const hw_manifest
 
 typedef struct child_text {
     char every[CHILD_TEXT_MAX], size[CHILD_TEXT_MAX], lod_error[CHILD_TEXT_MAX];
-    char gpu[CHILD_TEXT_MAX], ram[CHILD_TEXT_MAX];
+    char gpu[CHILD_TEXT_MAX], ram[CHILD_TEXT_MAX], near[CHILD_TEXT_MAX];
 } child_text;
 
 // `render DATASET ...` for one configuration; the strings live in `text` and in `options`.
@@ -209,6 +214,7 @@ static void fill_arguments(const char *arguments[ARGUMENTS_MAX], child_text *tex
     snprintf(text->every, sizeof text->every, "%u", prefetch ? 1 : r->every);
     snprintf(text->gpu, sizeof text->gpu, "%llu", (unsigned long long)options.gpu_budget);
     snprintf(text->ram, sizeof text->ram, "%llu", (unsigned long long)options.ram_budget);
+    snprintf(text->near, sizeof text->near, "%u", r->near_triangles);
     snprintf(text->size, sizeof text->size, "%ux%u", r->width, r->height);
     snprintf(text->lod_error, sizeof text->lod_error, "%.9g", r->lod_error_px);
     const char *const list[] = {
@@ -235,6 +241,8 @@ static void fill_arguments(const char *arguments[ARGUMENTS_MAX], child_text *tex
         text->gpu,
         "--ram-budget",
         text->ram,
+        "--near-triangles",
+        text->near,
         "--no-images",
         "--quiet",
     };

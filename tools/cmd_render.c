@@ -23,7 +23,7 @@
 static struct {
     const char *tour, *output, *config, *samples, *scene, *frame, *json, *video, *prefetch;
     uint32_t size[2];
-    uint64_t every, bandwidth, gpu_budget, ram_budget;
+    uint64_t every, bandwidth, gpu_budget, ram_budget, near_triangles;
     double lod_error, fps;
     bool no_images;
 } options = {.samples = "1",
@@ -32,6 +32,7 @@ static struct {
              .size = {1024, 1024},
              .every = 1,
              .lod_error = 1,
+             .near_triangles = HW_NEAR_TRIANGLES,
              .fps = 30};
 
 // What the frames add up to.
@@ -74,6 +75,9 @@ static uint32_t fill_options(hw_option *out, uint32_t capacity)
         {"samples", 0, HW_OPTION_CHOICE, &options.samples, NULL, "1|4", 0, 0, "Samples per pixel."},
         {"lod-error", 0, HW_OPTION_DOUBLE, &options.lod_error, "PX", NULL, 0.001, 1000,
          "Largest projected error of configuration L in pixels."},
+        {"near-triangles", 0, HW_OPTION_UINT, &options.near_triangles, "N", NULL, 1, UINT32_MAX,
+         "Triangles of a frame's near objects in configuration C, at most: beyond that all of them "
+         "become coarser together."},
         {"scene", 0, HW_OPTION_STRING, &options.scene, "SCENE", NULL, 0, 0,
          "The original scene for configurations A, B and L, if it has moved since the build."},
         {"prefetch", 0, HW_OPTION_CHOICE, &options.prefetch, NULL, "on|off", 0, 0,
@@ -82,9 +86,9 @@ static uint32_t fill_options(hw_option *out, uint32_t capacity)
         {"bandwidth", 0, HW_OPTION_BYTES, &options.bandwidth, "BYTES", NULL, 0, 0,
          "With --prefetch on: read the dataset with at most so many bytes a second."},
         {"gpu-budget", 0, HW_OPTION_BYTES, &options.gpu_budget, "BYTES", NULL, 0, 0,
-         "Memory for the dataset's data on the GPU; 0: 32 MiB."},
+         "Memory for the dataset's data on the GPU; 0: 16 MiB."},
         {"ram-budget", 0, HW_OPTION_BYTES, &options.ram_budget, "BYTES", NULL, 0, 0,
-         "Memory for data on their way to the GPU; 0: 10 MiB."},
+         "Memory for data on their way to the GPU; 0: 4 MiB."},
         {"no-images", 0, HW_OPTION_FLAG, &options.no_images, NULL, NULL, 0, 0,
          "Write no images, only measure."},
         {"video", 0, HW_OPTION_STRING, &options.video, "FILE", NULL, 0, 0,
@@ -203,6 +207,8 @@ static hw_status make_renderer(render *r, const char *path)
         .dataset = path,
         .scene = &r->scene,
         .lod_error_px = options.lod_error,
+        .near_triangles = (uint32_t)options.near_triangles,
+        .crossing_width = HW_CROSSING_WIDTH,
         .streaming = {.loading = prefetches() ? HW_LOADING_SIMULATED : HW_LOADING_WAITS,
                       .bytes_per_second = options.bandwidth,
                       .gpu_budget = options.gpu_budget,
@@ -395,6 +401,7 @@ static hw_status run(int argc, const char *const *argv)
     (void)hw_config_parse(options.config, &r.config); // one of the choices
     HW_GO(read_tour(&r));
     HW_GO(read_scene(&r, argv[0]));
+    hw_memory_trim();
     HW_GO(make_renderer(&r, argv[0]));
     if (options.output && !options.no_images)
         HW_GO(hw_dir_make(options.output));

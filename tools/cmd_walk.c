@@ -13,6 +13,7 @@ walk_options walk_opt = {.samples = "1",
                          .prefetch = "on",
                          .size = {1280, 720},
                          .lod_error = 1,
+                         .near_triangles = HW_NEAR_TRIANGLES,
                          .seed = 1};
 
 // Ctrl-C in the terminal ends the walk as Escape does, so that a recording is not lost; a second
@@ -139,6 +140,7 @@ static hw_status run(int argc, const char *const *argv)
     *w = (walk){.show_line = true, .seam = 0.5};
     hw_status status = HW_OK;
     HW_GO(walk_open(w, argv[0]));
+    hw_memory_trim();
     HW_GO(open_window(w));
     struct sigaction action = {.sa_handler = on_signal, .sa_flags = SA_RESETHAND};
     sigaction(SIGINT, &action, NULL);
@@ -166,6 +168,9 @@ static uint32_t fill_options(hw_option *out, uint32_t capacity)
          "Whether objects stand in the way; F9 changes it."},
         {"lod-error", 0, HW_OPTION_DOUBLE, &o->lod_error, "PX", NULL, 0.01, 100,
          "Largest projected error of configuration L in pixels."},
+        {"near-triangles", 0, HW_OPTION_UINT, &o->near_triangles, "N", NULL, 1, UINT32_MAX,
+         "Triangles of a frame's near objects in configuration C, at most: beyond that all of them "
+         "become coarser together."},
         {"record", 0, HW_OPTION_STRING, &o->record, "TOUR.json", NULL, 0, 0,
          "Record the walk as a tour from the start."},
         {"scene", 0, HW_OPTION_STRING, &o->scene, "SCENE", NULL, 0, 0,
@@ -177,9 +182,9 @@ static uint32_t fill_options(hw_option *out, uint32_t capacity)
          "Read the dataset with at most so many bytes a second, 5M for instance; 0: as fast as it "
          "comes."},
         {"gpu-budget", 0, HW_OPTION_BYTES, &o->gpu_budget, "BYTES", NULL, 0, 0,
-         "Memory for the dataset's data on the GPU; 0: 32 MiB."},
+         "Memory for the dataset's data on the GPU; 0: 16 MiB."},
         {"ram-budget", 0, HW_OPTION_BYTES, &o->ram_budget, "BYTES", NULL, 0, 0,
-         "Memory for data on their way to the GPU; 0: 10 MiB."},
+         "Memory for data on their way to the GPU; 0: 4 MiB."},
         {"frames", 0, HW_OPTION_UINT, &o->frames, "N", NULL, 0, 1e9,
          "Quit after so many frames; 0 walks on."},
         {"random-walk", 0, HW_OPTION_DOUBLE, &o->random_walk, "SECONDS", NULL, 0, 1e6,

@@ -10,9 +10,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define POP_CROSSINGS_MAX 12
-#define ROUNDS_MAX        100
-#define OPAQUE            128 // from this alpha on a pixel belongs to an object
+#define ROUNDS_MAX 100
+#define OPAQUE     128 // from this alpha on a pixel belongs to an object
 
 // Owns everything but the description and the report.
 typedef struct measurer {
@@ -39,7 +38,9 @@ static hw_status make_renderer(measurer *m, hw_config config)
     const hw_renderer_desc desc = {.config = config,
                                    .dataset = m->desc->dataset,
                                    .scene = m->desc->scene,
-                                   .lod_error_px = m->report->lod_error_px};
+                                   .lod_error_px = m->report->lod_error_px,
+                                   .near_triangles = m->report->near_triangles,
+                                   .crossing_width = HW_CROSSING_WIDTH};
     return m->renderers[config] ? HW_OK : hw_renderer_create(&desc, &m->renderers[config]);
 }
 
@@ -353,88 +354,16 @@ out:
 
 // ---- Pops
 
-// Whether the dataset has the cell; it may have been built along another tour.
-static bool has_cell(const hw_manifest *manifest, hw_cell_id id)
+static hw_status measure_pops(measurer *m)
 {
-    for (uint32_t i = 0; i < manifest->cell_count; i++) {
-        hw_cell_id own = manifest->cells[i].id;
-        if (own.level == id.level && own.q == id.q && own.r == id.r)
-            return true;
-    }
-    return false;
-}
-
-// Whether the tour changes cells between frame i and i + 1, and both are there.
-static bool crosses(const measurer *m, uint32_t i)
-{
-    const hw_hexgrid *grid = &m->desc->manifest->grid;
-    hw_vec3 a = m->desc->tour->frames[i].eye, b = m->desc->tour->frames[i + 1].eye;
-    hw_cell_id from = hw_hexgrid_locate(grid, (double)a.x, (double)a.y);
-    hw_cell_id to = hw_hexgrid_locate(grid, (double)b.x, (double)b.y);
-    return (from.q != to.q || from.r != to.r) && has_cell(m->desc->manifest, from) &&
-           has_cell(m->desc->manifest, to);
-}
-
-static hw_status find_crossings(measurer *m, uint32_t **frames)
-{
-    hw_report *r = m->report;
-    const hw_tour *tour = m->desc->tour;
-    HW_TRY(HW_NEW(frames, tour->frame_count));
-    HW_TRY(HW_NEW(&r->crossings, tour->frame_count));
-    for (uint32_t i = 0; i + 1 < tour->frame_count; i++) {
-        if (!crosses(m, i))
-            continue;
-        (*frames)[r->crossing_count] = i;
-        r->crossings[r->crossing_count++] = (tour->frames[i].t + tour->frames[i + 1].t) / 2;
-    }
-    return HW_OK;
-}
-
-// RMS luma change of a configuration between two tour frames.
-static hw_status frame_change(measurer *m, hw_config config, uint32_t frame, double *rms)
-{
-    float *first = m->luma_truth, *second = m->luma_reference;
-    hw_camera before = camera_of(m, frame), after = camera_of(m, frame + 1);
-    size_t count;
-    HW_TRY(draw_image(m, config, &before, m->target, &m->scratch));
-    hw_luma(&m->scratch, first);
-    HW_TRY(draw_image(m, config, &after, m->target, &m->scratch));
-    hw_luma(&m->scratch, second);
-    double sum = hw_squared_error(first, second, NULL, m->pixels, &count);
-    *rms = sqrt(sum / (double)count);
-    return HW_OK;
-}
-
-static hw_report_config *find_config(hw_report *report, hw_config config)
-{
-    for (uint32_t c = 0; c < report->config_count; c++)
-        if (report->configs[c].config == config)
-            return &report->configs[c];
-    return NULL;
-}
-
-// Evenly over all crossings of the tour, whether or not their frames were measured. Both sides with
-// the same samples a pixel: the flicker of single samples would hide a pop.
-static hw_status measure_pops(measurer *m, const uint32_t *frames)
-{
-    hw_report *r = m->report;
-    hw_report_config *hybrid = find_config(r, HW_CONFIG_C);
-    uint32_t count = r->crossing_count < POP_CROSSINGS_MAX ? r->crossing_count : POP_CROSSINGS_MAX;
-    double sum = 0, most = -(double)INFINITY;
-    if (!hybrid || count == 0)
-        return HW_OK;
-    for (uint32_t i = 0; i < count; i++) {
-        uint32_t frame = frames[(uint64_t)i * r->crossing_count / count];
-        double own, truth;
-        HW_TRY(frame_change(m, HW_CONFIG_B, frame, &truth));
-        HW_TRY(frame_change(m, HW_CONFIG_C, frame, &own));
-        sum += own - truth;
-        most = fmax(most, own - truth);
-    }
-    r->popped_count = count;
-    hybrid->pop_mean = sum / count;
-    hybrid->pop_max = most;
-    return HW_OK;
+    const hw_pops_desc desc = {.manifest = m->desc->manifest,
+                               .tour = m->desc->tour,
+                               .width = m->report->width,
+                               .height = m->report->height,
+                               .truth = m->renderers[HW_CONFIG_B],
+                               .hybrid = m->renderers[HW_CONFIG_C],
+                               .target = m->target};
+    return desc.hybrid ? hw_pops_measure(&desc, &m->report->pops) : HW_OK;
 }
 
 // ---- Pictures
@@ -511,20 +440,18 @@ static hw_status measure_streaming(measurer *m)
 hw_status hw_measure_run(const hw_measure_desc *desc, hw_report *report)
 {
     measurer m = {.desc = desc, .report = report};
-    uint32_t *crossings = NULL;
     hw_status status = HW_OK;
     HW_GO(choose_frames(&m));
-    HW_GO(find_crossings(&m, &crossings));
+    HW_GO(hw_pops_find(desc->manifest, desc->tour, &report->pops));
     HW_GO(make_graphics(&m));
     HW_GO(make_buffers(&m));
     HW_GO(measure_frames(&m));
-    HW_GO(measure_pops(&m, crossings));
+    HW_GO(measure_pops(&m));
     HW_GO(take_pictures(&m, HW_CONFIG_C));
     HW_GO(take_pictures(&m, HW_CONFIG_L));
     read_gpu_peaks(&m);
     HW_GO(measure_streaming(&m));
 out:
-    hw_free(crossings);
     clean_up(&m);
     return status;
 }

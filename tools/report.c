@@ -18,7 +18,7 @@ void hw_report_free(hw_report *report)
         hw_free(*strings[i]);
     hw_streaming_free(&report->streaming);
     hw_free(report->frames);
-    hw_free(report->crossings);
+    hw_pops_free(&report->pops);
     for (uint32_t i = 0; i < HW_REPORT_CONFIGS; i++)
         hw_free(report->configs[i].samples);
     for (uint32_t i = 0; i < HW_REPORT_PICTURES; i++) {
@@ -36,7 +36,6 @@ hw_status hw_report_make_samples(hw_report *report, uint32_t frame_count)
     report->frame_count = frame_count;
     for (uint32_t c = 0; c < report->config_count; c++) {
         HW_TRY(HW_NEW(&report->configs[c].samples, frame_count));
-        report->configs[c].pop_mean = report->configs[c].pop_max = (double)NAN;
         for (uint32_t i = 0; i < frame_count; i++)
             for (int m = 0; m < HW_METRIC_COUNT; m++)
                 report->configs[c].samples[i].values[m] = (double)NAN;
@@ -122,8 +121,22 @@ static hw_status note_infinite(hw_report *report, const hw_report_config *c)
                           name, one, report->frame_count);
 }
 
+static hw_status summarize_pops(hw_report *report)
+{
+    const hw_pop none = {0}, *first = report->pops.count ? report->pops.items : &none;
+    size_t stride = sizeof none / sizeof(double);
+    uint32_t count = report->pops.count;
+    hw_pop_summaries *s = &report->pop_summaries;
+    HW_TRY(hw_summarize(&first->soft, stride, count, &s->soft));
+    HW_TRY(hw_summarize(&first->hard, stride, count, &s->hard));
+    HW_TRY(hw_summarize(&first->soft_error, stride, count, &s->soft_error));
+    HW_TRY(hw_summarize(&first->hard_error, stride, count, &s->hard_error));
+    return hw_summarize(&first->usual_error, stride, count, &s->usual_error);
+}
+
 hw_status hw_report_summarize(hw_report *report)
 {
+    HW_TRY(summarize_pops(report));
     for (uint32_t c = 0; c < report->config_count; c++) {
         hw_report_config *config = &report->configs[c];
         for (int m = 0; m < HW_METRIC_COUNT; m++)
@@ -188,7 +201,21 @@ static void add_summary(cJSON *object, const char *key, const hw_summary *s, con
             add_number(to, all[i].name, all[i].value);
 }
 
-static void add_config(cJSON *configs, const hw_report_config *c)
+static void add_pops(cJSON *object, const hw_report *r)
+{
+    const hw_pop_summaries *s = &r->pop_summaries;
+    add_summary(object, "pop", &s->soft, "mean,max");
+    add_summary(object, "pop_hard", &s->hard, "mean,max");
+    cJSON *jump = cJSON_AddObjectToObject(object, "error_change");
+    add_summary(jump, "crossing", &s->soft_error, "mean,max");
+    add_summary(jump, "crossing_hard", &s->hard_error, "mean,max");
+    add_summary(jump, "elsewhere", &s->usual_error, "mean,max");
+    cJSON *dissolve = cJSON_AddObjectToObject(object, "dissolve");
+    add_number(dissolve, "frames_share", r->pops.strip_share);
+    add_number(dissolve, "cost", r->pops.dissolve_cost);
+}
+
+static void add_config(cJSON *configs, const hw_report *r, const hw_report_config *c)
 {
     cJSON *object = cJSON_AddObjectToObject(configs, hw_config_name(c->config));
     const hw_summary *s = c->summaries;
@@ -207,9 +234,7 @@ static void add_config(cJSON *configs, const hw_report_config *c)
         return;
     add_summary(object, "hole_pixels", &s[HW_METRIC_HOLE_PIXELS], "mean,max");
     add_summary(object, "hole_largest", &s[HW_METRIC_HOLE_LARGEST], "mean,max");
-    cJSON *pop = cJSON_AddObjectToObject(object, "pop");
-    add_number(pop, "mean", c->pop_mean);
-    add_number(pop, "max", c->pop_max);
+    add_pops(object, r);
     cJSON *load = cJSON_AddObjectToObject(object, "load");
     add_number(load, "bytes", s[HW_METRIC_LOAD_BYTES].sum);
     add_number(load, "stalls", s[HW_METRIC_STALLS].sum);
@@ -236,7 +261,7 @@ static void add_facts(cJSON *root, const hw_report *r)
     add_count(root, "every", r->every);
     add_count(root, "repeat", r->repeat);
     add_number(root, "lod_error_px", r->lod_error_px);
-    add_count(root, "cell_crossings", r->crossing_count);
+    add_count(root, "cell_crossings", r->pops.crossing_count);
     cJSON_AddStringToObject(root, "gl_renderer", r->gl_renderer);
     cJSON_AddStringToObject(root, "command", r->command);
 }
@@ -250,7 +275,7 @@ hw_status hw_report_json(const hw_report *report, cJSON **out)
     add_facts(root, report);
     cJSON *configs = cJSON_AddObjectToObject(root, "configs");
     for (uint32_t c = 0; c < report->config_count; c++)
-        add_config(configs, &report->configs[c]);
+        add_config(configs, report, &report->configs[c]);
     cJSON *ratios = cJSON_AddObjectToObject(root, "ratios");
     add_number(ratios, "A/C", hw_report_ratio(report, HW_CONFIG_A));
     add_number(ratios, "B/C", hw_report_ratio(report, HW_CONFIG_B));

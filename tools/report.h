@@ -2,6 +2,7 @@
 #pragma once
 #include "hexgrid.h"
 #include "image.h"
+#include "pops.h"
 #include "renderer.h"
 #include "status.h"
 #include "streaming.h"
@@ -59,10 +60,14 @@ typedef struct hw_report_config {
     hw_config config;
     hw_report_sample *samples; // frame_count of them
     uint64_t gpu_bytes_peak;
-    uint64_t rss_bytes_peak;  // of a process that runs this configuration alone; 0 = unknown
-    double pop_mean, pop_max; // C; NaN without a crossing
+    uint64_t rss_bytes_peak; // of a process that runs this configuration alone; 0 = unknown
     hw_summary summaries[HW_METRIC_COUNT];
 } hw_report_config;
+
+// Of the crossings that were looked at (pops.h); NaN if there were none.
+typedef struct hw_pop_summaries {
+    hw_summary soft, hard, soft_error, hard_error, usual_error;
+} hw_pop_summaries;
 
 typedef struct hw_report_picture {
     hw_config config;
@@ -81,9 +86,11 @@ typedef struct hw_report {
     double build_seconds;
     uint32_t width, height, samples, reference_samples, repeat, every, tour_frames;
     double lod_error_px;
-    uint32_t frame_count, config_count, crossing_count, popped_count, picture_count, note_count;
+    uint32_t near_triangles; // hw_renderer_desc
+    uint32_t frame_count, config_count, picture_count, note_count;
     hw_report_frame *frames;
-    double *crossings; // times (s) at which the whole tour crosses into another cell
+    hw_pops pops; // of the hybrid
+    hw_pop_summaries pop_summaries;
     hw_report_config configs[HW_REPORT_CONFIGS];
     hw_report_picture pictures[HW_REPORT_PICTURES];
     bool streamed;

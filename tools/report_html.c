@@ -115,7 +115,7 @@ static void put_facts(hw_bytes_writer *w, const hw_report *r)
              *r->policy ? ", policy " : "", r->policy);
     put_fact(w, "Frames", "%u of %u of the tour, %u \u00d7 %u pixels", r->frame_count,
              r->tour_frames, r->width, r->height);
-    put_fact(w, "Cell crossings on the tour", "%u", r->crossing_count);
+    put_fact(w, "Cell crossings on the tour", "%u", r->pops.crossing_count);
     put_fact(w, "Samples a pixel", "%u; reference %u", r->samples, r->reference_samples);
     put_fact(w, "OpenGL", "%s", r->gl_renderer);
     hw_put_format(w, "</dl>\n");
@@ -288,6 +288,27 @@ static void put_table(hw_bytes_writer *w, const hw_report *r)
     hw_put_format(w, "</tbody></table></div>\n");
 }
 
+static void put_pops(hw_bytes_writer *w, const hw_report *r)
+{
+    const hw_pop_summaries *s = &r->pop_summaries;
+    char a[HW_FIGURE_CAPACITY], b[HW_FIGURE_CAPACITY], d[HW_FIGURE_CAPACITY];
+    if (r->pops.count == 0) {
+        put_fact(w, "Pop at a cell crossing", "the tour stays in one cell");
+        return;
+    }
+    put_fact(w, "Pop at a cell crossing", "mean %s, most %s luma RMS, of %u crossings",
+             hw_figure_number(a, s->soft.mean, 2), hw_figure_number(b, s->soft.max, 2),
+             r->pops.count);
+    put_fact(w, "The same if cells did not dissolve", "mean %s, most %s",
+             hw_figure_number(a, s->hard.mean, 2), hw_figure_number(b, s->hard.max, 2));
+    put_fact(w, "Change of the error at a crossing", "mean %s; without dissolves %s; elsewhere %s",
+             hw_figure_number(a, s->soft_error.mean, 2), hw_figure_number(b, s->hard_error.mean, 2),
+             hw_figure_number(d, s->usual_error.mean, 2));
+    put_fact(w, "Cost of dissolves", "%s %% of the tour's frame time, in %s %% of its frames",
+             hw_figure_number(a, r->pops.dissolve_cost * 100, 1),
+             hw_figure_number(b, r->pops.strip_share * 100, 1));
+}
+
 // What only the hybrid can do wrong.
 static void put_hybrid(hw_bytes_writer *w, const hw_report *r)
 {
@@ -306,12 +327,7 @@ static void put_hybrid(hw_bytes_writer *w, const hw_report *r)
     put_fact(w, "Largest connected hole", "mean %s, most %s pixels",
              hw_figure_number(a, s[HW_METRIC_HOLE_LARGEST].mean, 3),
              hw_figure_count(b, s[HW_METRIC_HOLE_LARGEST].max));
-    if (r->popped_count > 0)
-        put_fact(w, "Pop at a cell crossing", "mean %s, most %s luma RMS, of %u crossings",
-                 hw_figure_number(a, c->pop_mean, 2), hw_figure_number(b, c->pop_max, 2),
-                 r->popped_count);
-    else
-        put_fact(w, "Pop at a cell crossing", "the tour stays in one cell");
+    put_pops(w, r);
     put_fact(w, "Read from disk", "%s in %s, %s frames waited",
              hw_figure_bytes(a, s[HW_METRIC_LOAD_BYTES].sum),
              hw_figure_seconds(b, s[HW_METRIC_LOAD_MS].sum / 1000),
@@ -327,29 +343,14 @@ typedef struct plot_plan {
     bool log_y;
 } plot_plan;
 
-static hw_status put_plot(hw_bytes_writer *w, const hw_report *r, const double *times,
-                          const plot_plan *plan)
+static hw_status put_plot(hw_bytes_writer *w, const hw_plot *plot, const char *title)
 {
     char *svg = NULL;
-    hw_plot plot = {.x_label = "time on the tour, s",
-                    .y_label = plan->axis,
-                    .log_y = plan->log_y,
-                    .x = times,
-                    .count = r->frame_count,
-                    .marks = r->crossings,
-                    .mark_count = r->crossing_count};
-    for (uint32_t i = 0; i < r->config_count; i++)
-        plot.series[plot.series_count++] = (hw_plot_series){
-            .name = hw_config_name(r->configs[i].config),
-            .css_color = config_color(r->configs[i].config),
-            .y = &r->configs[i].samples[0].values[plan->metric],
-            .stride = (uint32_t)(sizeof(hw_report_sample) / sizeof(double)),
-        };
-    hw_status status = hw_plot_svg(&plot, &svg);
+    hw_status status = hw_plot_svg(plot, &svg);
     if (status == HW_MEMORY)
         return status;
-    hw_put_format(w, "<h3>%s</h3>\n<figure class=\"plot\" role=\"img\" aria-label=\"%s\">",
-                  plan->title, plan->title);
+    hw_put_format(w, "<h3>%s</h3>\n<figure class=\"plot\" role=\"img\" aria-label=\"%s\">", title,
+                  title);
     if (status == HW_OK) {
         put_raw(w, svg);
     } else {
@@ -360,6 +361,49 @@ static hw_status put_plot(hw_bytes_writer *w, const hw_report *r, const double *
     hw_put_format(w, "</figure>\n");
     hw_free(svg);
     return HW_OK;
+}
+
+static hw_status put_metric(hw_bytes_writer *w, const hw_report *r, const double *times,
+                            const plot_plan *plan)
+{
+    hw_plot plot = {.x_label = "time on the tour, s",
+                    .y_label = plan->axis,
+                    .log_y = plan->log_y,
+                    .x = times,
+                    .count = r->frame_count,
+                    .marks = r->pops.crossings,
+                    .mark_count = r->pops.crossing_count};
+    for (uint32_t i = 0; i < r->config_count; i++)
+        plot.series[plot.series_count++] = (hw_plot_series){
+            .name = hw_config_name(r->configs[i].config),
+            .css_color = config_color(r->configs[i].config),
+            .y = &r->configs[i].samples[0].values[plan->metric],
+            .stride = (uint32_t)(sizeof(hw_report_sample) / sizeof(double)),
+        };
+    return put_plot(w, &plot, plan->title);
+}
+
+static hw_status put_pop_plot(hw_bytes_writer *w, const hw_report *r)
+{
+    double *times;
+    const hw_pop *items = r->pops.items;
+    if (r->pops.count < 2)
+        return HW_OK;
+    HW_TRY(HW_NEW(&times, r->pops.count));
+    for (uint32_t i = 0; i < r->pops.count; i++)
+        times[i] = items[i].t;
+    const uint32_t stride = sizeof *items / sizeof(double);
+    const hw_plot plot = {.x_label = "time on the tour, s",
+                          .y_label = "luma, RMS",
+                          .x = times,
+                          .count = r->pops.count,
+                          .series_count = 3,
+                          .series = {{"crossing", "var(--c)", &items->soft_error, stride},
+                                     {"without dissolves", "var(--a)", &items->hard_error, stride},
+                                     {"elsewhere", "var(--l)", &items->usual_error, stride}}};
+    hw_status status = put_plot(w, &plot, "Change of the error from frame to frame");
+    hw_free(times);
+    return status;
 }
 
 static hw_status put_plots(hw_bytes_writer *w, const hw_report *r)
@@ -380,7 +424,8 @@ static hw_status put_plots(hw_bytes_writer *w, const hw_report *r)
            "crosses "
            "into another cell. Times and triangles have a logarithmic scale.</p>\n");
     for (size_t i = 0; i < sizeof plans / sizeof *plans; i++)
-        HW_GO(put_plot(w, r, times, &plans[i]));
+        HW_GO(put_metric(w, r, times, &plans[i]));
+    HW_GO(put_pop_plot(w, r));
 out:
     hw_free(times);
     return status;
@@ -513,7 +558,9 @@ static void put_method(hw_bytes_writer *w, const hw_report *r)
         w,
         "<li>Hole pixels are covered by an object in ground truth and left to sky or ground by the "
         "hybrid. Pop is the RMS luma change of C between the two tour frames around a cell "
-        "crossing, less that of B with the same samples; below zero, C changes less than B.</li>\n"
+        "crossing, less that of B with the same samples; below zero, C changes less than B. The "
+        "change of the error is the RMS of what differs between two frames' errors, C less B: the "
+        "jump alone, where the motion of both is left out.</li>\n"
         "<li>Process memory is that of a separate process that draws the same frames in this "
         "configuration alone.</li>\n");
     for (uint32_t i = 0; i < r->note_count; i++) {
@@ -540,7 +587,7 @@ static hw_status put_page(hw_bytes_writer *w, const hw_report *r)
     put_hybrid(w, r);
     HW_TRY(put_plots(w, r));
     if (r->streamed)
-        HW_TRY(hw_streaming_put_html(&r->streaming, r->crossings, r->crossing_count, w));
+        HW_TRY(hw_streaming_put_html(&r->streaming, r->pops.crossings, r->pops.crossing_count, w));
     HW_TRY(put_pictures(w, r));
     put_method(w, r);
     hw_put_format(w, "</main>\n<script>");

@@ -65,10 +65,11 @@ static hw_camera camera_at(const hw_streaming_desc *desc, double t)
 }
 
 static void note_frame(hw_streaming_run *run, uint32_t frame, const hw_frame_stats *stats,
-                       double ms)
+                       double ms, double cpu_ms)
 {
     const hw_stream_stats *s = &stats->stream;
     run->frame_ms[frame] = ms + s->waited_ms;
+    run->cpu_ms[frame] = cpu_ms;
     run->missing[frame] = s->missing;
     run->read_bytes[frame] = (double)(s->read_bytes - run->bytes);
     run->bytes = s->read_bytes;
@@ -93,11 +94,12 @@ static hw_status play(const hw_streaming_desc *desc, hw_renderer *renderer, hw_t
         hw_camera camera = camera_at(desc, r->times[i]);
         hw_target_bind(target);
         glFinish();
-        double start = hw_clock_ms();
+        double start = hw_clock_ms(), cpu_start = hw_process_seconds();
         HW_GO(hw_renderer_draw(renderer, &camera, &stats));
         hw_target_resolve(target);
         glFinish();
-        note_frame(run, i, &stats, hw_clock_ms() - start);
+        note_frame(run, i, &stats, hw_clock_ms() - start,
+                   (hw_process_seconds() - cpu_start) * 1000);
         hw_renderer_advance(renderer, 1 / HW_STREAMING_FPS);
         hw_progress_add(progress, 1);
     }
@@ -114,6 +116,9 @@ static hw_status summarize(const hw_streaming_report *r, hw_streaming_run *run)
     run->median_ms = s.median;
     run->p99_ms = s.p99;
     run->slowest_ms = s.max;
+    HW_TRY(hw_summarize(run->cpu_ms + 1, 1, r->frame_count - 1, &s));
+    run->cpu_median_ms = s.median;
+    run->cpu_slowest_ms = s.max;
     for (uint32_t i = 1; i < r->frame_count; i++)
         run->slow_frames += run->frame_ms[i] > SLOW_MEDIANS * run->median_ms;
     return HW_OK;
@@ -128,6 +133,7 @@ static hw_status run_plan(const hw_streaming_desc *desc, const plan *p, hw_targe
     const hw_renderer_desc make = {
         .config = HW_CONFIG_C,
         .dataset = desc->dataset,
+        .crossing_width = HW_CROSSING_WIDTH,
         .streaming = {.loading = p->loading,
                       .bytes_per_second = p->limited ? desc->bandwidth : 0,
                       .gpu_budget = desc->gpu_budget,
@@ -135,6 +141,7 @@ static hw_status run_plan(const hw_streaming_desc *desc, const plan *p, hw_targe
     run->key = p->key;
     run->title = p->title;
     HW_GO(HW_NEW(&run->frame_ms, r->frame_count));
+    HW_GO(HW_NEW(&run->cpu_ms, r->frame_count));
     HW_GO(HW_NEW(&run->read_bytes, r->frame_count));
     HW_GO(HW_NEW(&run->missing, r->frame_count));
     HW_GO(hw_renderer_create(&make, &renderer));
@@ -181,6 +188,7 @@ void hw_streaming_free(hw_streaming_report *report)
         return;
     for (uint32_t i = 0; i < report->run_count; i++) {
         hw_free(report->runs[i].frame_ms);
+        hw_free(report->runs[i].cpu_ms);
         hw_free(report->runs[i].read_bytes);
         hw_free(report->runs[i].missing);
     }

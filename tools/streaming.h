@@ -25,8 +25,10 @@ typedef struct hw_streaming_desc {
 typedef struct hw_streaming_run {
     const char *key, *title; // of JSON and page; static storage
     double *frame_ms;        // up to glFinish, with the waiting for data
+    double *cpu_ms; // processor time of all threads: what else the machine does is not in it
     double *read_bytes, *missing;
     double first_ms, median_ms, p99_ms, slowest_ms; // the last three without the first frame
+    double cpu_median_ms, cpu_slowest_ms;           // likewise
     uint32_t frames_missing, stalls;                // stalls: frames that waited, but the first
     uint32_t slow_frames;                           // over 3 medians
     uint64_t bytes, gpu_bytes_peak, ram_bytes_peak;

@@ -17,6 +17,9 @@ static void add_run(cJSON *parent, const hw_streaming_run *run)
     hw_json_add_number(times, "median", run->median_ms);
     hw_json_add_number(times, "p99", run->p99_ms);
     hw_json_add_number(times, "slowest", run->slowest_ms);
+    cJSON *cpu = cJSON_AddObjectToObject(to, "frame_cpu_ms");
+    hw_json_add_number(cpu, "median", run->cpu_median_ms);
+    hw_json_add_number(cpu, "slowest", run->cpu_slowest_ms);
     hw_json_add_number(to, "slowest_over_median", run->slowest_ms / run->median_ms);
     hw_json_add_number(to, "frames_over_3_medians", run->slow_frames);
     hw_json_add_number(to, "frames_missing", run->frames_missing);
@@ -62,7 +65,8 @@ static void put_table(hw_bytes_writer *w, const hw_streaming_report *r)
     char a[HW_FIGURE_CAPACITY], b[HW_FIGURE_CAPACITY], c[HW_FIGURE_CAPACITY], d[HW_FIGURE_CAPACITY];
     hw_put_format(w, "<div class=\"scroll\"><table>\n<thead><tr><th></th><th>Median "
                      "<span class=\"unit\">ms</span></th><th>99th percentile</th><th>Slowest</th>"
-                     "<th>Slowest / median</th><th>Frames that lack data</th><th>Stalls</th>"
+                     "<th>Slowest / median</th><th>The same of processor time</th><th>Frames that "
+                     "lack data</th><th>Stalls</th>"
                      "<th>Read</th></tr></thead>\n<tbody>\n");
     for (uint32_t i = 0; i < r->run_count; i++) {
         const hw_streaming_run *run = &r->runs[i];
@@ -72,8 +76,9 @@ static void put_table(hw_bytes_writer *w, const hw_streaming_report *r)
                       colors[i], run->title, hw_figure_number(a, run->median_ms, 3),
                       hw_figure_number(b, run->p99_ms, 3), hw_figure_number(c, run->slowest_ms, 3),
                       hw_figure_number(d, run->slowest_ms / run->median_ms, 2));
-        hw_put_format(w, "<td>%u</td><td>%u</td><td>%s</td></tr>\n", run->frames_missing,
-                      run->stalls, hw_figure_bytes(a, (double)run->bytes));
+        hw_put_format(w, "<td>%s</td><td>%u</td><td>%u</td><td>%s</td></tr>\n",
+                      hw_figure_number(b, run->cpu_slowest_ms / run->cpu_median_ms, 2),
+                      run->frames_missing, run->stalls, hw_figure_bytes(a, (double)run->bytes));
     }
     hw_put_format(w, "</tbody></table></div>\n");
 }

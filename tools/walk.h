@@ -23,7 +23,7 @@ typedef struct walk_options {
     uint32_t size[2];
     bool fullscreen;
     double lod_error, random_walk;
-    uint64_t frames, seed, bandwidth, gpu_budget, ram_budget;
+    uint64_t frames, seed, bandwidth, gpu_budget, ram_budget, near_triangles;
 } walk_options;
 extern walk_options walk_opt;
 

@@ -35,7 +35,10 @@ static void handle_views(walk *w, const bool *pressed)
         w->debug.wireframe = !w->debug.wireframe;
     if (pressed[HW_KEY_FREEZE])
         freeze(w);
-    if (pressed[HW_KEY_TINT] || pressed[HW_KEY_WIREFRAME] || pressed[HW_KEY_FREEZE])
+    if (pressed[HW_KEY_DISSOLVE])
+        w->debug.hard = !w->debug.hard;
+    if (pressed[HW_KEY_TINT] || pressed[HW_KEY_WIREFRAME] || pressed[HW_KEY_FREEZE] ||
+        pressed[HW_KEY_DISSOLVE])
         set_debug(w);
     if (pressed[HW_KEY_MAP])
         w->show_map = !w->show_map;
@@ -117,6 +120,7 @@ void walk_list_views(const walk *w, char *out, size_t capacity)
         {w->debug.tint, "colours of representations"},
         {w->debug.wireframe, "wireframe"},
         {w->debug.frozen, "culling frozen"},
+        {w->debug.hard, "hard crossings"},
         {w->compare == WALK_SPLIT, "B on the right"},
         {w->compare == WALK_ERRORS, "differences from B"},
         {w->placed && !w->collides, "no collision"},

@@ -169,7 +169,8 @@ static void show_config(walk *w, hw_config config)
     w->config = config;
     w->shown = w->renderers[config];
     w->waiting = false;
-    walk_say(w, WALK_MESSAGE_MS, "Configuration %s", walk_config_title(config));
+    walk_say(w, WALK_MESSAGE_MS, "Configuration %s%s", walk_config_title(config),
+             w->frame_count == 0 ? ": F1 lists the keys" : "");
     walk_show_title(w);
 }
 
@@ -188,6 +189,8 @@ static hw_status make_renderer(walk *w)
                              .dataset = w->is_dataset ? w->path : NULL,
                              .scene = w->loader.loaded ? &w->loader.scene : NULL,
                              .lod_error_px = walk_opt.lod_error,
+                             .near_triangles = (uint32_t)walk_opt.near_triangles,
+                             .crossing_width = HW_CROSSING_WIDTH,
                              .streaming = {.loading = strcmp(walk_opt.prefetch, "on") == 0
                                                           ? HW_LOADING_AHEAD
                                                           : HW_LOADING_WAITS,

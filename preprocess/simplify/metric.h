@@ -96,6 +96,21 @@ typedef struct hw_viewcell_metric {
     const float *weights;
 } hw_viewcell_metric;
 hw_metric hw_metric_viewcell(hw_viewcell_metric *context);
+// The same for an MVMesh: l is the largest projected length in any of the images, weights are the
+// largest of all views, and an edge collapses only if both ends are seen by some common view or by
+// none. `sets` has a bit for each view that sees the vertex; the images that count are `images[0]`
+// to `images[view_count - 1]`, the `image` of `base` is not used.
+#define HW_MULTIVIEW_MAX 8
+typedef struct hw_multiview_metric {
+    hw_viewcell_metric base;
+    const float (*images[HW_MULTIVIEW_MAX])[2];
+    uint32_t view_count;
+    const uint32_t *sets;
+} hw_multiview_metric;
+hw_metric hw_metric_multiview(hw_multiview_metric *context);
+// Whether a vertex at a depth, some face round which looks to the viewer or not, is what its pixel
+// of the depth image shows.
+bool hw_viewcell_visible(bool front, double depth, float pixel_depth);
 // The weight of a vertex at a depth: whether some face round it looks to the viewer, and what the
 // depth image has at its pixel (hw_category).
 float hw_viewcell_weight(bool front, double depth, float pixel_depth, uint8_t category);

@@ -66,7 +66,34 @@ static UNUSED void fixture_far(hw_cell *cell, uint32_t index, uint32_t side, hw_
     cell->index_count += f->index_count;
 }
 
-// far_count records of side x side vertices each; free with hw_cell_free.
+// Makes an MVMesh of the record: two more views, and two ranges, the second of which no view sees.
+static UNUSED void fixture_views(hw_cell *cell, uint32_t index, hw_rng *rng)
+{
+    hw_far_record *f = &cell->far[index];
+    f->view_count = f->range_count = 2;
+    f->first_view = cell->view_count;
+    f->first_range = cell->range_count;
+    for (uint32_t k = 0; k < 2; k++) {
+        float x = hw_rng_float(rng), y = hw_rng_float(rng);
+        cell->views[cell->view_count++] = (hw_far_view){.eye = {x * 100, y * 100, 12},
+                                                        .face = (index + k) % 6,
+                                                        .x_min = x,
+                                                        .x_max = x + 1,
+                                                        .y_min = y - 1,
+                                                        .y_max = y,
+                                                        .rect = {4 * k, 8, 4 + k, 5}};
+    }
+    cell->ranges[cell->range_count++] = (hw_far_range){5 + index % 3, f->index_count - 3};
+    cell->ranges[cell->range_count++] = (hw_far_range){0, 3};
+    cell->color_count = f->first_vertex + f->vertex_count;
+    for (uint32_t i = f->first_vertex; i < cell->color_count; i++) {
+        uint32_t c = hw_rng_u32(rng);
+        cell->colors[i] = (hw_color8){(uint8_t)c, (uint8_t)(c >> 8), (uint8_t)(c >> 16), 255};
+    }
+}
+
+// far_count records of side x side vertices each, two thirds of them MVMeshes, the others cut out; free with
+// hw_cell_free.
 static UNUSED void fixture_cell(hw_cell *cell, uint32_t near_count, uint32_t far_count,
                                 uint32_t side)
 {
@@ -84,6 +111,15 @@ static UNUSED void fixture_cell(hw_cell *cell, uint32_t near_count, uint32_t far
         cell->near[i] = (hw_near_record){i * 3 + 1, i % 5};
     for (uint32_t i = 0; i < far_count; i++)
         fixture_far(cell, i, side, &rng);
+    must(HW_NEW(&cell->views, 2 * (size_t)far_count));
+    must(HW_NEW(&cell->ranges, 2 * (size_t)far_count));
+    must(HW_NEW(&cell->colors, cell->vertex_count));
+    for (uint32_t i = 0; i < far_count; i++) {
+        cell->far[i].first_view = cell->view_count;
+        cell->far[i].first_range = cell->range_count;
+        if (!cell->far[i].cut_out)
+            fixture_views(cell, i, &rng);
+    }
     if (far_count == 0)
         return;
     cell->atlas_width = 4 * far_count + 8;

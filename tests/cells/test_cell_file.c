@@ -60,6 +60,9 @@ static void assert_same_cell(const hw_cell *a, const hw_cell *b)
     assert_int_equal(a->far_count, b->far_count);
     assert_int_equal(a->vertex_count, b->vertex_count);
     assert_int_equal(a->index_count, b->index_count);
+    assert_int_equal(a->view_count, b->view_count);
+    assert_int_equal(a->range_count, b->range_count);
+    assert_int_equal(a->color_count, b->color_count);
     assert_int_equal(a->atlas_width, b->atlas_width);
     assert_int_equal(a->atlas_height, b->atlas_height);
     if (a->near_count)
@@ -68,6 +71,9 @@ static void assert_same_cell(const hw_cell *a, const hw_cell *b)
         return;
     assert_memory_equal(a->far, b->far, a->far_count * sizeof *a->far);
     assert_memory_equal(a->vertices, b->vertices, a->vertex_count * sizeof *a->vertices);
+    assert_memory_equal(a->views, b->views, a->view_count * sizeof *a->views);
+    assert_memory_equal(a->ranges, b->ranges, a->range_count * sizeof *a->ranges);
+    assert_memory_equal(a->colors, b->colors, a->color_count * sizeof *a->colors);
     assert_same_triangles(a->indices, b->indices, a->index_count);
     assert_memory_equal(a->atlas_bc1, b->atlas_bc1, (size_t)a->atlas_width * a->atlas_height / 2);
     assert_memory_equal(a->coverage_bc4, b->coverage_bc4,
@@ -291,6 +297,70 @@ static void huge_count(hw_cell *c)
     c->near_count = HW_CELL_NEAR_MAX + 1;
 }
 
+static void view_from_nowhere(hw_cell *c)
+{
+    c->views[1].eye.x = INFINITY;
+}
+static void view_face(hw_cell *c)
+{
+    c->views[2].face = 6;
+}
+static void view_of_nothing(hw_cell *c)
+{
+    c->views[3].y_max = c->views[3].y_min;
+}
+static void view_outside(hw_cell *c)
+{
+    c->views[0].rect.y = c->atlas_height;
+}
+static void gap_in_views(hw_cell *c)
+{
+    c->far[2].first_view++;
+    c->far[2].view_count--;
+}
+static void views_without_ranges(hw_cell *c)
+{
+    c->far[3].range_count = 0;
+    c->range_count -= 2;
+}
+static void many_views(hw_cell *c)
+{
+    c->far[3].view_count = HW_FAR_VIEWS_MAX;
+}
+static void wrapping_ranges(hw_cell *c)
+{
+    c->far[2].range_count = UINT32_MAX;
+}
+static void lost_ranges(hw_cell *c)
+{
+    c->range_count++;
+}
+static void unknown_view(hw_cell *c)
+{
+    c->ranges[0].views = 8;
+}
+static void cut_out_multi_view(hw_cell *c)
+{
+    c->far[0].cut_out = true;
+}
+static void short_ranges(hw_cell *c)
+{
+    c->ranges[1].index_count = 0;
+}
+static void range_of_two_thirds(hw_cell *c)
+{
+    c->ranges[0].index_count--;
+    c->ranges[1].index_count++;
+}
+static void missing_colors(hw_cell *c)
+{
+    c->color_count--;
+}
+static void more_colors_than_vertices(hw_cell *c)
+{
+    c->color_count = c->vertex_count + 1;
+}
+
 static void test_validation(void **state)
 {
     (void)state;
@@ -299,7 +369,12 @@ static void test_validation(void **state)
                                  wide_rect,   reversed_bounds, wrapping_rect,   infinite_bounds,
                                  empty_rect,  lost_vertices,   gap_in_vertices, half_triangle,
                                  wrong_owner, wrapping_count,  foreign_index,   wild_index,
-                                 odd_atlas,   no_atlas,        huge_atlas,      huge_count};
+                                 odd_atlas,   no_atlas,        huge_atlas,      huge_count,
+                                 view_face,   view_outside,    view_of_nothing, gap_in_views,
+                                 many_views,  lost_ranges,     wrapping_ranges, unknown_view,
+                                 short_ranges, missing_colors, range_of_two_thirds, cut_out_multi_view,
+                                 view_from_nowhere, views_without_ranges,
+                                 more_colors_than_vertices};
     for (size_t i = 0; i < sizeof breakers / sizeof *breakers; i++) {
         hw_cell cell;
         fixture_cell(&cell, 3, 4, 4);

@@ -318,6 +318,53 @@ static void test_wrong_files(void **state)
     hw_free(path);
 }
 
+// ---- from pieces of a file ----
+
+// Opens the front that `have` bytes are and reads all levels from their places in `bytes`.
+static hw_status read_pieces(const uint8_t *bytes, size_t size, size_t have)
+{
+    hw_mesh_file *file = NULL;
+    uint8_t *front = malloc(have ? have : 1);
+    assert_non_null(front);
+    memcpy(front, bytes, have);
+    hw_status status = hw_mesh_file_open_front(&file, "pieces.hxm", front, have, size);
+    free(front); // is not needed any more
+    for (uint32_t i = 0; status == HW_OK && i < hw_mesh_file_level_count(file); i++) {
+        hw_mesh mesh;
+        uint64_t offset, length;
+        hw_mesh_file_level_place(file, i, &offset, &length);
+        assert_true(offset + length <= size);
+        status = hw_mesh_file_decode(file, i, bytes + offset, (size_t)length, &mesh);
+        hw_mesh_free(&mesh);
+        if (status == HW_OK)
+            assert_int_equal(
+                hw_mesh_file_decode(file, i, bytes + offset, (size_t)length - 1, &mesh), HW_FORMAT);
+    }
+    hw_mesh_file_close(file);
+    return status;
+}
+
+static void test_pieces(void **state)
+{
+    (void)state;
+    size_t size = 0;
+    write_sample(PATH, 20);
+    uint8_t *bytes = read_bytes(PATH, &size);
+    size_t front = size < HW_MESH_FRONT_BYTES ? size : HW_MESH_FRONT_BYTES;
+    assert_int_equal(read_pieces(bytes, size, front), HW_OK);
+    assert_int_equal(read_pieces(bytes, size + 1, front), HW_FORMAT); // the file has grown
+    bool was_fine = false;
+    for (size_t have = 0; have <= front; have++) {
+        hw_status status = read_pieces(bytes, size, have);
+        assert_true(status == HW_OK || (status == HW_FORMAT && !was_fine));
+        was_fine = was_fine || status == HW_OK;
+    }
+    bytes[size - 20] ^= 1; // within the last level
+    assert_int_equal(read_pieces(bytes, size, front), HW_FORMAT);
+    assert_non_null(strstr(hw_error_text(), "pieces.hxm"));
+    hw_free(bytes);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -331,6 +378,7 @@ int main(void)
         cmocka_unit_test(test_hostile_level),
         cmocka_unit_test(test_bad_tables),
         cmocka_unit_test(test_wrong_files),
+        cmocka_unit_test(test_pieces),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -227,21 +227,20 @@ static void write_cell(const fixture *f, hw_cell_id id, bool with_far)
         // The depth range is wider than the flat quad: iz lies at 1/4 or 3/4 of it.
         float low = q == 0 ? 0.9f : 0.7f;
         uint16_t z = q == 0 ? 16384 : 49151;
-        cell.far[q] = (hw_far_record){NEAR_OBJECTS + q * 4,
-                                      FACE,
-                                      false,
-                                      quad->x_min,
-                                      quad->x_max,
-                                      quad->y_min,
-                                      quad->y_max,
-                                      iz * low,
-                                      iz * (low + 0.4f),
-                                      hw_box_empty(),
-                                      quad->rect,
-                                      q * 4,
-                                      4,
-                                      q * 6,
-                                      6};
+        cell.far[q] = (hw_far_record){.object_idx = NEAR_OBJECTS + q * 4,
+                                      .face = FACE,
+                                      .x_min = quad->x_min,
+                                      .x_max = quad->x_max,
+                                      .y_min = quad->y_min,
+                                      .y_max = quad->y_max,
+                                      .iz_min = iz * low,
+                                      .iz_max = iz * (low + 0.4f),
+                                      .bounds = hw_box_empty(),
+                                      .rect = quad->rect,
+                                      .first_vertex = q * 4,
+                                      .vertex_count = 4,
+                                      .first_index = q * 6,
+                                      .index_count = 6};
         for (uint32_t i = 0; i < 4; i++) {
             hw_box_add(&cell.far[q].bounds, quad_point(quad, cell.centre, i % 2, i / 2));
             cell.vertices[q * 4 + i] =
@@ -533,6 +532,50 @@ static void test_texture_placement(void **state)
     hw_renderer_destroy(renderer);
 }
 
+// Inside a strip along the border each pixel is that of one cell or the other, the share of the
+// other rises to one half on the border, and what is near in both cells is whole. Only the home
+// cell has far objects.
+static void test_cells_dissolve(void **state)
+{
+    fixture *f = *state;
+    hw_cell_id home = hw_hexgrid_locate(&f->manifest.grid, 0, 0), other;
+    hw_vec3 centre = hw_cell_centre(&f->manifest.grid, home);
+    hw_renderer *hard = open_renderer(f), *soft;
+    const hw_renderer_desc desc = {
+        .config = HW_CONFIG_C, .dataset = f->folder, .crossing_width = 0.2};
+    assert_ok(hw_renderer_create(&desc, &soft));
+    const double border = hw_cell_border(&f->manifest.grid, home, centre.x, centre.y, &other);
+    hw_vec3 out = hw_v3_normalize(hw_v3_sub(hw_cell_centre(&f->manifest.grid, other), centre));
+    const double distances[] = {0.05, 2.5, 5, 7.5, 10.5}, shares[] = {0.5, 0.375, 0.25, 0.125, 0};
+    for (int i = 0; i < 5; i++) {
+        hw_vec3 eye = hw_v3_scale(out, (float)(border - distances[i]));
+        hw_camera camera = view(f, eye.x, eye.y, 0);
+        hw_image whole = render(f, hard, &camera, NULL), mixed = render(f, soft, &camera, NULL);
+        uint32_t objects = 0, gone = 0;
+        for (uint32_t p = 0; p < SIZE * SIZE; p++) {
+            const uint8_t *a = whole.data + (size_t)p * 4, *b = mixed.data + (size_t)p * 4;
+            objects += a[3] == 255;
+            gone += a[3] == 255 && b[3] == 0;
+            assert_true(b[3] == 0 || memcmp(a, b, 4) == 0 || a[3] == 255);
+        }
+        hw_image_free(&whole);
+        hw_image_free(&mixed);
+        uint32_t far = 0; // pixels where only far objects are
+        hw_scene scene = f->scene;
+        scene.object_count = NEAR_OBJECTS;
+        camera = view(f, eye.x, eye.y, 0);
+        hw_image near = model_render(HW_CONFIG_B, &scene, &camera, 0, NULL);
+        for (uint32_t p = 0; p < SIZE * SIZE; p++)
+            far += near.data[(size_t)p * 4 + 3] == 0;
+        hw_image_free(&near);
+        far -= SIZE * SIZE - objects;
+        assert_true(far > 2000);
+        assert_true(fabs((double)gone / far - shares[i]) < 0.02);
+    }
+    hw_renderer_destroy(hard);
+    hw_renderer_destroy(soft);
+}
+
 // Many records: pages, ranges and culling must leave every square in its place, and draw only those
 // in view.
 static void test_crowd(void **state)
@@ -607,6 +650,33 @@ static void test_near_levels(void **state)
     }
     assert_int_equal(seen, 7);
     hw_renderer_destroy(renderer);
+}
+
+// Near objects keep to their budget of triangles together, and give up no more than that needs.
+static void test_near_budget(void **state)
+{
+    fixture *f = *state;
+    const uint32_t budgets[] = {0, 4000, 1000, 300, 1};
+    const hw_manifest_object *sphere = &f->manifest.objects[SPHERE];
+    hw_camera camera = view(f, 0, 0, 0);
+    hw_vec3 c = hw_box_centre(sphere->bounds);
+    camera.eye = hw_v3(sphere->bounds.max.x + 1, c.y, c.z);
+    camera.forward = hw_v3(-1, 0, 0);
+    for (int i = 0; i < 5; i++) {
+        const hw_renderer_desc desc = {
+            .config = HW_CONFIG_C, .dataset = f->folder, .near_triangles = budgets[i]};
+        hw_renderer *renderer;
+        hw_frame_stats stats;
+        assert_ok(hw_renderer_create(&desc, &renderer));
+        hw_image image = render(f, renderer, &camera, &stats);
+        hw_image_free(&image);
+        hw_renderer_destroy(renderer);
+        uint32_t level = 0, rest = 14; // of cube and board, in view or not
+        while (budgets[i] && level + 1 < SPHERE_LODS && sphere_triangles(level) + rest > budgets[i])
+            level++;
+        assert_true(stats.near_triangles >= sphere_triangles(level));
+        assert_true(stats.near_triangles <= sphere_triangles(level) + rest);
+    }
 }
 
 static void test_draw_allocates_nothing(void **state)
@@ -833,8 +903,10 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_same_as_geometry),
         cmocka_unit_test(test_texture_placement),
+        cmocka_unit_test(test_cells_dissolve),
         cmocka_unit_test(test_crowd),
         cmocka_unit_test(test_near_levels),
+        cmocka_unit_test(test_near_budget),
         cmocka_unit_test(test_draw_allocates_nothing),
         cmocka_unit_test(test_cells_come),
         cmocka_unit_test(test_broken_files),

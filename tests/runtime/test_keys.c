@@ -4,6 +4,7 @@
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
+#include <stdio.h>
 #include <string.h>
 
 #include <cmocka.h>
@@ -35,6 +36,30 @@ static void test_table_is_complete(void **state)
     }
     for (int key = 0; key < HW_KEY_COUNT; key++)
         assert_int_equal(rows[key], 1);
+}
+
+// Names are of the kinds that keys.h promises, so that the window finds a key for each.
+static void test_names(void **state)
+{
+    (void)state;
+    static const char *const words[] = {"Up",    "Down",   "Left",  "Right", "Page Up", "Page Down",
+                                        "Space", "Escape", "Shift", "Comma", "Period"};
+    for (size_t i = 0; i < hw_key_row_count; i++) {
+        for (int k = 0; k < HW_KEY_NAMES_MAX; k++) {
+            const char *name = hw_key_rows[i].names[k];
+            if (!name || hw_key_rows[i].key == HW_KEY_COUNT)
+                continue;
+            name += strncmp(name, "Ctrl+", 5) == 0 ? 5 : 0;
+            bool known =
+                strlen(name) == 1 && strchr("ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789", name[0]);
+            int number = 0, end = 0;
+            if (sscanf(name, "F%d%n", &number, &end) == 1 && !name[end])
+                known = number >= 1 && number <= 12;
+            for (size_t w = 0; w < sizeof words / sizeof *words; w++)
+                known = known || strcmp(name, words[w]) == 0;
+            assert_true(known);
+        }
+    }
 }
 
 static void test_format(void **state)
@@ -117,6 +142,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_table_is_complete),
+        cmocka_unit_test(test_names),
         cmocka_unit_test(test_format),
         cmocka_unit_test(test_rest),
         cmocka_unit_test(test_sticks),

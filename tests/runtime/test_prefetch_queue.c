@@ -26,6 +26,8 @@ static void put(hw_prefetch_queue *queue, uint32_t index, double t_priority)
 static void expect(hw_prefetch_queue *queue, uint32_t index)
 {
     hw_wish w;
+    assert_true(hw_prefetch_queue_peek(queue, &w));
+    assert_int_equal(w.key.index, index);
     assert_true(hw_prefetch_queue_take(queue, &w));
     assert_int_equal(w.key.index, index);
 }
@@ -37,6 +39,7 @@ static void test_order(void **state)
     (void)state;
     static hw_prefetch_queue queue;
     hw_wish w;
+    assert_false(hw_prefetch_queue_peek(&queue, &w));
     assert_false(hw_prefetch_queue_take(&queue, &w));
     put(&queue, 1, 7.9);
     put(&queue, 2, 8.1);

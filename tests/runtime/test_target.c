@@ -114,12 +114,12 @@ static void test_byte_counts(void **state)
     hw_gpu_buffer_destroy(&account, &a);
     assert_int_equal(account.bytes, 24);
     assert_int_equal(account.bytes_peak, 1024);
-    assert_ok(hw_gpu_atlas_create(&account, 8, 8, &texture));
+    assert_ok(hw_gpu_atlas_create(&account, 8, 8, false, &texture));
     assert_int_equal(account.bytes, 24 + texture.bytes);
     hw_gpu_texture_destroy(&account, &texture);
     hw_gpu_buffer_destroy(&account, &b);
     assert_int_equal(account.bytes, 0);
-    assert_int_equal(hw_gpu_atlas_create(&account, 1u << 20, 4, &texture), HW_GRAPHICS);
+    assert_int_equal(hw_gpu_atlas_create(&account, 1u << 20, 4, false, &texture), HW_GRAPHICS);
     assert_int_equal(account.bytes, 0);
 }
 

@@ -112,6 +112,21 @@ run 0 measure data --tour tour.json --configs C -o one --every 1000 --size 96x96
     --reference-samples 1 --repeat 2 --quiet &&
     check 'one frame' one 1 C 'r["ratios"] == {"A/C": None, "B/C": None, "L/C": None} and r["samples"] == 4'
 
+# The tour played at its own time: with prefetching no frame waits, and the limit of bandwidth is a
+# run of its own. (How many frames lack data is a matter of time.)
+run 0 measure data --tour tour.json --configs C -o stream --every 1000 --size 64x64 \
+    --reference-samples 1 --repeat 1 --streaming --bandwidth 2M --quiet &&
+    check 'streaming' stream 1 C '
+        list(r["streaming"]["runs"]) == ["no_prefetch", "cold", "warm", "limited"]
+        and r["streaming"]["frames"] > 60 and r["streaming"]["bandwidth"] == 2000000
+        and r["streaming"]["rss_bytes_peak"] > 1e6
+        and r["streaming"]["runs"]["no_prefetch"]["stalls"] > 0
+        and r["streaming"]["runs"]["no_prefetch"]["frames_missing"] == 0
+        and all(run["frames_missing"] < 60 and run["stalls"] == 0 and run["bytes"] > 0
+                for key, run in r["streaming"]["runs"].items() if key != "no_prefetch")
+        and (page.count("<svg") == 7 or "gnuplot" in page)'
+run 2 measure data --tour tour.json --configs C -o wrong --bandwidth 2M
+
 # Without gnuplot the page says so in place of the plots.
 mkdir empty
 PATH=$work/empty run 0 measure data --tour tour.json --configs B,C -o bare --every 12 --size 64x64 \

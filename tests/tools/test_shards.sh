@@ -65,12 +65,12 @@ refused 2 'number of bytes' build balls.obj -o none --memory much
 # What info tells of cells, and maps.
 cell=$(find whole/cells -name '*.hxc' | sort | head -n 1)
 "$hexwalk" info "$cell" --json cell.json >log || fail "info $cell"
-for word in INFO NEAR FARS VERT INDX ATLS COVR triangles; do
+for word in INFO NEAR FARS VERT INDX VIEW RNGE COLR ATLS COVR triangles; do
     grep -q "$word" log || fail "info on a cell tells no $word"
 done
 stored=$(grep -oE '"bytes":[[:space:]]*[0-9]+' cell.json | grep -oE '[0-9]+$' | paste -sd+ | bc 2>/dev/null || echo 0)
 size=$(stat -c %s "$cell")
-[[ $stored -eq 0 || $((size - stored)) -eq $((40 + 7 * 40)) ]] || fail 'the bytes of the chunks do not add up to the file'
+[[ $stored -eq 0 || $((size - stored)) -eq $((40 + 10 * 40)) ]] || fail 'the bytes of the chunks do not add up to the file'
 for by in bytes triangles far near; do
     "$hexwalk" info whole --map "$by.png" --map-by "$by" --map-side 200 >log || fail "a map by $by"
     grep -q "^map by *$by" log && grep -q '^map darkest' log || fail "no legend of the map by $by"
