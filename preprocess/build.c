@@ -73,8 +73,9 @@ hw_build_options hw_build_defaults(void)
                 .capture_side_max = 1024,
                 .capture_samples = 2},
         .chain = {.face_floor = 40, .importance_floor = 0.05f, .pull_back = 0.25f},
-        .cull_occluded = false,
+        .cull = HW_OCCLUSION_OFF,
         .occlusion = hw_occlusion_defaults(),
+        .cluster_error_px = 10,
     };
 }
 
@@ -83,6 +84,12 @@ hw_build_options hw_build_defaults(void)
 static uint64_t hash_number(uint64_t h, double value)
 {
     return hw_hash(h, &value, sizeof value);
+}
+
+// Culling does, and clusters, whose members hide each other.
+static bool needs_occlusion(const hw_build_options *o)
+{
+    return o->cull != HW_OCCLUSION_OFF || o->clusters;
 }
 
 // Everything the content depends on, and nothing else (not threads, shards, paths).
@@ -111,9 +118,13 @@ static uint64_t make_key(const build *b)
                               o->chain.face_floor,
                               o->chain.importance_floor,
                               o->chain.pull_back,
-                              o->cull_occluded,
-                              o->cull_occluded ? o->occlusion.rays : 0,
-                              o->cull_occluded ? o->occlusion.margin : 0};
+                              o->cull,
+                              o->cull ? o->occlusion.eyes : 0,
+                              o->cull ? o->occlusion.more : 0,
+                              needs_occlusion(o) ? o->occlusion.face_eyes : 0,
+                              o->cull ? o->occlusion.margin : 0,
+                              o->clusters,
+                              o->clusters ? o->cluster_error_px : 0};
     uint64_t key = hw_hash(b->scene_hash, o->far.policy->name, strlen(o->far.policy->name));
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
         key = hash_number(key, numbers[i]);
@@ -382,7 +393,11 @@ static hw_status build_cell(build *b, hw_cell_id id, const char *path, uint32_t 
                              .chains = b->chains,
                              .capturer = b->capturer,
                              .occlusion = b->occlusion,
+                             .cull_objects = b->options->cull != HW_OCCLUSION_OFF,
+                             .cull_faces = b->options->cull == HW_OCCLUSION_TRIANGLES,
                              .grid = &b->grid,
+                             .clusters = b->options->clusters,
+                             .cluster_error_px = b->options->cluster_error_px,
                              .far = b->options->far,
                              .near_error_px = b->options->near_error_px,
                              .key = b->key,
@@ -440,7 +455,7 @@ static hw_status make_rays(build *b)
     hw_status status = HW_OK;
     double start = hw_clock_ms();
     keyed *keys = NULL;
-    if (b->budget && !b->options->cull_occluded) {
+    if (b->budget && !needs_occlusion(b->options)) {
         HW_GO(HW_NEW(&keys, b->scene.object_count));
         for (uint32_t i = 0; i < b->scene.object_count; i++)
             keys[i] = (keyed){b->scene.objects[i].mesh_idx, i};
@@ -450,8 +465,9 @@ static hw_status make_rays(build *b)
         HW_GO(make_whole_rays(b));
     }
     HW_GO(hw_capturer_create(&b->scene, b->rays, &b->capturer));
-    if (b->options->cull_occluded)
-        HW_GO(hw_occlusion_create(&b->occlusion, &b->scene, b->rays, &b->options->occlusion));
+    if (needs_occlusion(b->options))
+        HW_GO(hw_occlusion_create(&b->occlusion, &b->scene, b->rays, &b->grid,
+                                  &b->options->occlusion));
     b->report->rays_seconds = (hw_clock_ms() - start) / 1000;
 out:
     hw_free(keys);

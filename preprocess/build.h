@@ -8,6 +8,12 @@
 // Raise when the content of cells or meshes changes for the same input: it is part of every key.
 #define HW_BUILD_VERSION 4u
 
+typedef enum hw_occlusion_mode {
+    HW_OCCLUSION_OFF,
+    HW_OCCLUSION_OBJECTS,
+    HW_OCCLUSION_TRIANGLES // objects, and triangles of far objects
+} hw_occlusion_mode;
+
 typedef struct hw_build_options {
     const char *scene_path, *dataset;
     double cell_size;
@@ -16,9 +22,11 @@ typedef struct hw_build_options {
     double near_error_px;
     hw_far_options far;
     hw_chain_options chain;
-    bool cull_occluded; // leave out of a cell what cannot be seen from it
+    hw_occlusion_mode cull; // what is left out of a cell because it cannot be seen from it
     hw_occlusion_options occlusion;
-    uint32_t threads; // 0 = default
+    bool clusters;           // of far objects
+    double cluster_error_px; // largest self-occluding error of one
+    uint32_t threads;        // 0 = default
     uint32_t shard_index,
         shard_count;       // this run makes every shard_count-th cell and mesh; count 0 or 1 = all
     uint64_t memory_bytes; // bound of the resident memory; 0 = none

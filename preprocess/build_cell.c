@@ -2,6 +2,7 @@
 #include "alloc.h"
 #include "atlas.h"
 #include "block.h"
+#include "cluster.h"
 #include "hierarchy.h"
 #include "system.h"
 #include <math.h>
@@ -14,14 +15,9 @@
 // nearest viewer counts.
 #define GROUP_WINDOW 2.0
 
-typedef struct sorted_svmesh {
-    double azimuth;
-    hw_svmesh svmesh;
-} sorted_svmesh;
-
 typedef struct assembly {
     hw_near_record *near;
-    sorted_svmesh *far;
+    hw_cluster_item *far;
     uint32_t near_count, far_count;
 } assembly;
 
@@ -119,6 +115,7 @@ static hw_status add_object(const hw_cell_inputs *in, const hw_cell_view *view,
         .options = far,
         .scene = in->scene,
         .capturer = in->capturer,
+        .occlusion = in->cull_faces ? in->occlusion : NULL,
         .chain = &in->chains[object->mesh_idx],
         .object_idx = object_idx,
         .distance = hw_region_distance_to(view->grid, view->id, object->bounds),
@@ -126,7 +123,7 @@ static hw_status add_object(const hw_cell_inputs *in, const hw_cell_view *view,
         .face = hw_face_towards(towards.x, towards.y),
     };
     bool is_near;
-    sorted_svmesh *slot = &a->far[a->far_count];
+    hw_cluster_item *slot = &a->far[a->far_count];
     HW_TRY(hw_svmesh_derive(&job, &is_near, &slot->svmesh));
     if (is_near) {
         uint32_t level = hw_near_level(job.chain, job.scale, job.distance.nearest, view->focal_px,
@@ -147,7 +144,7 @@ static int by_object(const void *x, const void *y)
 
 static int by_azimuth(const void *x, const void *y)
 {
-    const sorted_svmesh *a = x, *b = y;
+    const hw_cluster_item *a = x, *b = y;
     bool a_multi = a->svmesh.record.range_count > 0, b_multi = b->svmesh.record.range_count > 0;
     if (a_multi != b_multi)
         return a_multi ? -1 : 1; // so that their colours are those of the first vertices
@@ -300,9 +297,9 @@ static hw_status add_objects(const hw_cell_inputs *in, const hw_cell_view *view,
         groups[l] = hw_cell_view_make(in->grid, hw_cell_ancestor(view->id, l));
     HW_GO(HW_NEW(&a->near, count));
     HW_GO(HW_NEW(&a->far, count));
-    if (in->occlusion && view->id.level == 0) { // a group is too large to be sampled as densely
+    if (in->cull_objects) {
         HW_GO(HW_NEW(&seen, count));
-        HW_GO(hw_occlusion_query(in->occlusion, in->grid, view->id, seen));
+        HW_GO(hw_occlusion_query(in->occlusion, view->id, seen));
     }
     for (uint32_t i = 0; i < count; i++) {
         uint32_t k = in->backwards ? count - 1 - i : i, object_idx = in->order ? in->order[k] : k;
@@ -311,6 +308,15 @@ static hw_status add_objects(const hw_cell_inputs *in, const hw_cell_view *view,
             continue;
         HW_GO(hw_budget_use(in->budget, in->scene->objects[object_idx].mesh_idx));
         HW_GO(add_object(in, view, &far, object_idx, a));
+    }
+    if (in->clusters) {
+        const hw_cluster_inputs clusters = {.view = view,
+                                            .options = &in->far,
+                                            .scene = in->scene,
+                                            .capturer = in->capturer,
+                                            .occlusion = in->occlusion,
+                                            .self_occlusion_px = in->cluster_error_px};
+        HW_GO(hw_clusters_make(&clusters, a->far, &a->far_count));
     }
     qsort(a->near, a->near_count, sizeof *a->near, by_object);
     qsort(a->far, a->far_count, sizeof *a->far, by_azimuth);

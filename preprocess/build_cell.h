@@ -14,7 +14,10 @@ typedef struct hw_cell_inputs {
     const hw_scene *scene;
     const hw_chain *chains; // per mesh of the scene
     const hw_capturer *capturer;
-    const hw_occlusion *occlusion; // NULL: whatever faces the cell is stored
+    hw_occlusion *occlusion; // needed by what follows, else NULL
+    bool cull_objects, cull_faces;
+    bool clusters;
+    double cluster_error_px; // largest self-occluding error of a cluster
     const hw_hexgrid *grid;
     hw_far_options far;
     double near_error_px;

@@ -1,6 +1,7 @@
 #include "capture.h"
 #include "alloc.h"
 #include "appearance.h"
+#include "atlas.h"
 #include "image_io.h"
 #include "system.h"
 #include <assert.h>
@@ -306,6 +307,85 @@ out:
     if (status != HW_OK)
         hw_capture_free(out);
     thread_ms += hw_clock_ms() - start;
+    return status;
+}
+
+// The texels of a window that an object's box covers, with one more on each side.
+static hw_rect covered_texels(const hw_capture_window *w, hw_box box)
+{
+    hw_vec3 axis, right, up;
+    hw_face_basis(w->face, &axis, &right, &up);
+    float low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY};
+    for (uint32_t i = 0; i < 8; i++) {
+        hw_vec3 rel = hw_v3_sub(hw_box_corner(box, i), w->centre);
+        float depth = hw_v3_dot(rel, axis);
+        float x = (hw_v3_dot(rel, right) / depth - w->x_min) / (w->x_max - w->x_min);
+        float y = (hw_v3_dot(rel, up) / depth - w->y_min) / (w->y_max - w->y_min);
+        const float p[2] = {x * (float)w->width, y * (float)w->height};
+        for (int k = 0; k < 2; k++) {
+            low[k] = fminf(low[k], p[k]);
+            high[k] = fmaxf(high[k], p[k]);
+        }
+    }
+    uint32_t x0 = (uint32_t)fminf(fmaxf(low[0] - 1, 0), (float)w->width);
+    uint32_t y0 = (uint32_t)fminf(fmaxf(low[1] - 1, 0), (float)w->height);
+    uint32_t x1 = (uint32_t)fminf(fmaxf(high[0] + 2, 0), (float)w->width);
+    uint32_t y1 = (uint32_t)fminf(fmaxf(high[1] + 2, 0), (float)w->height);
+    return (hw_rect){x0, y0, x1 > x0 ? x1 - x0 : 0, y1 > y0 ? y1 - y0 : 0};
+}
+
+static hw_capture_window part_of(const hw_capture_window *w, const hw_rect *r)
+{
+    float step_x = (w->x_max - w->x_min) / (float)w->width;
+    float step_y = (w->y_max - w->y_min) / (float)w->height;
+    hw_capture_window part = *w;
+    part.x_min = w->x_min + (float)r->x * step_x;
+    part.x_max = w->x_min + (float)(r->x + r->width) * step_x;
+    part.y_min = w->y_min + (float)r->y * step_y;
+    part.y_max = w->y_min + (float)(r->y + r->height) * step_y;
+    part.width = r->width;
+    part.height = r->height;
+    return part;
+}
+
+// Puts what lies nearer of a part into the whole.
+static void put_nearer(const hw_capture *part, const hw_rect *r, hw_capture *whole)
+{
+    for (uint32_t y = 0; y < r->height; y++)
+        for (uint32_t x = 0; x < r->width; x++) {
+            size_t from = (size_t)y * r->width + x;
+            size_t to = (size_t)(r->y + y) * whole->width + r->x + x;
+            if (part->colors[from].a == 0 ||
+                (whole->colors[to].a != 0 && whole->depths[to] <= part->depths[from]))
+                continue;
+            whole->colors[to] = part->colors[from];
+            whole->depths[to] = part->depths[from];
+        }
+}
+
+hw_status hw_capture_objects(const hw_capturer *capturer, const uint32_t *objects, uint32_t count,
+                             const hw_capture_window *window, uint32_t samples, hw_capture *out)
+{
+    hw_status status = HW_OK;
+    hw_capture part = {0};
+    *out = (hw_capture){.width = window->width, .height = window->height};
+    HW_GO(HW_NEW(&out->colors, (size_t)out->width * out->height));
+    HW_GO(HW_NEW(&out->depths, (size_t)out->width * out->height));
+    for (size_t i = 0; i < (size_t)out->width * out->height; i++)
+        out->depths[i] = INFINITY;
+    for (uint32_t i = 0; i < count; i++) {
+        hw_rect r = covered_texels(window, capturer->scene->objects[objects[i]].bounds);
+        if (r.width == 0 || r.height == 0)
+            continue;
+        hw_capture_window w = part_of(window, &r);
+        HW_GO(hw_capture_object(capturer, objects[i], &w, samples, &part));
+        put_nearer(&part, &r, out);
+        hw_capture_free(&part);
+    }
+out:
+    hw_capture_free(&part);
+    if (status != HW_OK)
+        hw_capture_free(out);
     return status;
 }
 

@@ -47,6 +47,12 @@ HW_MUST_USE hw_status hw_capture_object(const hw_capturer *capturer, uint32_t ob
                                         const hw_capture_window *window, uint32_t samples,
                                         hw_capture *out);
 
+// The same of several objects, at most one of which shows in a texel: the one whose depth there is
+// least. All must lie in front of the plane through the window's centre.
+HW_MUST_USE hw_status hw_capture_objects(const hw_capturer *capturer, const uint32_t *objects,
+                                         uint32_t count, const hw_capture_window *window,
+                                         uint32_t samples, hw_capture *out);
+
 // The colour of an object where the ray origin + t direction, t in [0, 1], first meets it; false if
 // it does not. The caller has pinned the object's rays. Textures are not filtered. Thread-safe.
 bool hw_capture_point(const hw_capturer *capturer, uint32_t object_idx, hw_vec3 origin,

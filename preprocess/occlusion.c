@@ -1,91 +1,46 @@
 #include "occlusion.h"
 #include "alloc.h"
+#include "cell_eyes.h"
 #include "hash.h"
 #include "region.h"
-#include <stdlib.h>
-
-#define BACKS_MAX 64  // back faces that a ray passes
-#define BLOCK     16u // rays between two looks at the time: hits are likely early
-#define SIDES     0.6 // share of the eyes on the cell's side faces; of the rest,
-#define TOP       0.9 // this share on its top, the others on its bottom
-#define EDGES     0.3 // share of a side's eyes on its upper edge; half as many on the lower
+#include "rng.h"
+#include <pthread.h>
+#include <string.h>
 
 #define WIDE       3.0 // margins round an object within which a ray is close
-#define WIDE_SHARE 8u  // one ray in so many decides whether any comes close
+#define SEEDS      8u  // rays to an object that are followed up, the last found
+#define FOLLOW_UPS 4u  // packets after one that came close, for each eye
+#define MORE_EYES  15u // times the eyes, from which objects are looked for once more, at most
+#define STEP_MAX   0.2 // of a ray's ends when it is followed up, in cell sizes
+#define OCTAVES    8.0 // by which the least step is smaller
 
 struct hw_occlusion {
     const hw_scene *scene;
-    const hw_rays *rays;
+    hw_sights *sights;
+    hw_hexgrid grid;
     hw_occlusion_options options;
-    bool *solid; // per mesh: closed and turned outward
-    bool all_solid;
-    hw_mat4 *inverses; // per object: world to mesh
+    pthread_mutex_t mutex;
+    bool **seen; // per cell of level 0, once asked for; guarded by mutex
 };
 
 hw_occlusion_options hw_occlusion_defaults(void)
 {
-    return (hw_occlusion_options){.rays = 4096, .margin = 0.1};
-}
-
-// ---- the scene -------------------------------------------------------------------------------
-
-static int by_edge(const void *x, const void *y)
-{
-    const uint64_t a = *(const uint64_t *)x >> 1, b = *(const uint64_t *)y >> 1;
-    return (a > b) - (a < b);
-}
-
-// Whether every edge is used as often in one direction as in the other, and the volume is positive.
-static hw_status mesh_is_solid(const hw_mesh *mesh, bool *out)
-{
-    hw_status status = HW_OK;
-    uint32_t *weld = NULL;
-    uint64_t *edges = NULL;
-    size_t n = mesh->index_count;
-    *out = hw_mesh_volume(mesh) > 0;
-    HW_GO(HW_NEW(&weld, mesh->vertex_count));
-    HW_GO(HW_NEW(&edges, n));
-    HW_GO(hw_mesh_weld_map(mesh, weld));
-    for (size_t i = 0; i < n; i++) {
-        uint64_t a = weld[mesh->indices[i]];
-        uint64_t b = weld[mesh->indices[i % 3 == 2 ? i - 2 : i + 1]];
-        // Vertices count up to 2^32, but with 2^31 a mesh would not fit into memory.
-        edges[i] = a < b ? a << 33 | b << 1 : b << 33 | a << 1 | 1;
-    }
-    qsort(edges, n, sizeof *edges, by_edge);
-    int64_t balance = 0;
-    for (size_t i = 0; i < n; i++) {
-        balance += edges[i] & 1 ? 1 : -1;
-        if (i + 1 == n || edges[i] >> 1 != edges[i + 1] >> 1) {
-            *out &= balance == 0;
-            balance = 0;
-        }
-    }
-out:
-    hw_free(weld);
-    hw_free(edges);
-    return status;
+    return (hw_occlusion_options){.eyes = 256, .more = 64, .face_eyes = 96, .margin = 0.1};
 }
 
 hw_status hw_occlusion_create(hw_occlusion **out, const hw_scene *scene, const hw_rays *rays,
-                              const hw_occlusion_options *options)
+                              const hw_hexgrid *grid, const hw_occlusion_options *options)
 {
     hw_status status = HW_OK;
     hw_occlusion *o = NULL;
     *out = NULL;
     HW_GO(HW_NEW(&o, 1));
+    pthread_mutex_init(&o->mutex, NULL);
     o->scene = scene;
-    o->rays = rays;
+    o->grid = *grid;
     o->options = *options;
-    HW_GO(HW_NEW(&o->solid, scene->mesh_count));
-    HW_GO(HW_NEW(&o->inverses, scene->object_count));
-    o->all_solid = true;
-    for (uint32_t i = 0; i < scene->mesh_count; i++) {
-        HW_GO(mesh_is_solid(&scene->meshes[i], &o->solid[i]));
-        o->all_solid &= o->solid[i];
-    }
-    for (uint32_t i = 0; i < scene->object_count; i++)
-        hw_mat4_inverse(scene->objects[i].transform, &o->inverses[i]);
+    HW_GO(hw_sights_create(&o->sights, scene, rays));
+    HW_GO(HW_NEW(&o->seen, hw_hexgrid_cell_count(grid)));
     *out = o;
     o = NULL;
 out:
@@ -93,111 +48,33 @@ out:
     return status;
 }
 
-void hw_occlusion_destroy(hw_occlusion *occlusion)
+void hw_occlusion_destroy(hw_occlusion *o)
 {
-    if (!occlusion)
+    if (!o)
         return;
-    hw_free(occlusion->solid);
-    hw_free(occlusion->inverses);
-    hw_free(occlusion);
+    for (uint32_t i = 0; o->seen && i < hw_hexgrid_cell_count(&o->grid); i++)
+        hw_free(o->seen[i]);
+    hw_free(o->seen);
+    hw_sights_destroy(o->sights);
+    pthread_mutex_destroy(&o->mutex);
+    hw_free(o);
 }
 
-// Whether the front of the triangle is what a ray of this direction met.
-static bool meets_front(const hw_occlusion *o, const hw_hit *hit, hw_vec3 direction)
-{
-    const hw_mesh *mesh = &o->scene->meshes[o->scene->objects[hit->object_idx].mesh_idx];
-    const uint32_t *t = mesh->indices + 3 * (size_t)hit->triangle_idx;
-    hw_vec3 a = mesh->positions[t[0]];
-    hw_vec3 n =
-        hw_v3_cross(hw_v3_sub(mesh->positions[t[1]], a), hw_v3_sub(mesh->positions[t[2]], a));
-    return hw_v3_dot(n, hw_mat4_direction(&o->inverses[hit->object_idx], direction)) < 0;
-}
+// ---- objects ---------------------------------------------------------------------------------
 
-static bool hides(const hw_occlusion *o, const hw_hit *hit, hw_vec3 direction)
-{
-    return o->solid[o->scene->objects[hit->object_idx].mesh_idx] || meets_front(o, hit, direction);
-}
-
-// Whether something hides the end of a ray from its beginning.
-static bool is_hidden(const hw_occlusion *o, hw_vec3 eye, hw_vec3 direction, float t_max)
-{
-    if (o->all_solid)
-        return hw_rays_occluded(o->rays, eye, direction, 0, t_max);
-    hw_hit hit = hw_rays_cast(o->rays, eye, direction, 0, t_max);
-    for (int i = 0; i < BACKS_MAX && hit.t < INFINITY; i++) {
-        if (hides(o, &hit, direction))
-            return true;
-        hit = hw_rays_cast(o->rays, eye, direction, hit.t * 1.00001f + 1e-5f, t_max);
-    }
-    return false;
-}
-
-// ---- eyes ------------------------------------------------------------------------------------
-
-// Element i of the additive recurrence in dimension k (Roberts, The Unreasonable Effectiveness of
-// Quasirandom Sequences, 2018; steps are powers of the root of x^7 = x + 1): evenly spread however
-// many are taken.
-static double spread(uint32_t i, int k, double shift)
-{
-    static const double steps[6] = {0.8992, 0.8085, 0.7270, 0.6537, 0.5878, 0.5286};
-    static const double fine[6] = {0.0000177, 0.0000613, 0.0000259,
-                                   0.0000417, 0.0000071, 0.0000337};
-    double v = shift + (i + 1.0) * (steps[k] + fine[k]);
-    return v - floor(v);
-}
-
-// Whatever can be seen from a cell can be seen from its surface: where the line of sight leaves it.
-// More eyes are where most is seen from: high up, on the rim.
-static hw_vec3 eye_at(const hw_vec3 corners[HW_CELL_CORNERS], hw_vec3 centre, uint32_t i)
-{
-    double u = spread(i, 0, 0), v = spread(i, 1, 0), w = spread(i, 2, 0) * 6;
-    int side = (int)fmin(w, 5);
-    double along = w - side;
-    hw_vec3 a = corners[side], b = corners[(side + 1) % 6];
-    hw_vec3 eye = hw_v3_mad(a, hw_v3_sub(b, a), (float)along);
-    double low = corners[0].z, high = corners[6].z;
-    if (u < SIDES) {
-        double t = (v - EDGES) / (1 - 2 * EDGES);
-        eye.z = (float)(low + (high - low) * fmin(fmax(t, 0), 1));
-        return eye;
-    }
-    // sqrt: as many eyes on equal areas of the triangle (centre, a, b).
-    eye = hw_v3_mad(centre, hw_v3_sub(eye, centre), (float)sqrt(v));
-    eye.z = (float)((u - SIDES) / (1 - SIDES) < TOP ? high : low);
-    return eye;
-}
-
-// ---- rays ------------------------------------------------------------------------------------
-
-// Where a ray enters a box; INFINITY if it misses.
-static float entry(hw_vec3 origin, hw_vec3 direction, hw_box box)
-{
-    const float o[3] = {origin.x, origin.y, origin.z};
-    const float d[3] = {direction.x, direction.y, direction.z};
-    const float low[3] = {box.min.x, box.min.y, box.min.z};
-    const float high[3] = {box.max.x, box.max.y, box.max.z};
-    float from = 0, to = INFINITY;
-    for (int k = 0; k < 3; k++) {
-        float inverse = 1 / (fabsf(d[k]) > 1e-12f ? d[k] : 1e-12f);
-        float a = (low[k] - o[k]) * inverse, b = (high[k] - o[k]) * inverse;
-        from = fmaxf(from, fminf(a, b));
-        to = fminf(to, fmaxf(a, b));
-    }
-    return from <= to ? from : INFINITY;
-}
-
-static double blend(double low, double high, double t)
-{
-    return low + (high - low) * t;
-}
+// A ray from which it may not be far to one that sees the object.
+typedef struct seed {
+    hw_vec3 eye, point;
+} seed;
 
 typedef struct target {
     uint32_t object_idx;
-    bool near;       // a ray came close
     hw_box box;      // of the object
     hw_box grown[2]; // by the margin, by WIDE margins
     float band[2];   // how far from the outline of those "along" it is
     double shift[3]; // its points are others than those of other objects
+    seed seeds[SEEDS];
+    uint32_t seed_count; // found so far; the last SEEDS are kept
 } target;
 
 static hw_box grow_box(hw_box box, double by)
@@ -206,10 +83,11 @@ static hw_box grow_box(hw_box box, double by)
     return (hw_box){hw_v3_sub(box.min, grow), hw_v3_add(box.max, grow)};
 }
 
-static target target_make(const hw_occlusion *o, uint32_t object_idx, double margin)
+static target target_make(const hw_occlusion *o, uint32_t object_idx)
 {
     target t = {.object_idx = object_idx, .box = o->scene->objects[object_idx].bounds};
     const hw_ground *ground = &o->scene->ground;
+    double margin = o->options.margin * o->grid.cell_size;
     for (int wide = 0; wide < 2; wide++) {
         double by = wide ? WIDE * margin : margin;
         t.grown[wide] = grow_box(t.box, by);
@@ -224,75 +102,94 @@ static target target_make(const hw_occlusion *o, uint32_t object_idx, double mar
     return t;
 }
 
+static float blend(float low, float high, double t)
+{
+    return low + (high - low) * (float)t;
+}
+
+// Of the two ends of a box's outline, which lie on one diagonal or the other, the one to the right
+// or left.
+static void keep_end(hw_box *box, hw_vec3 eye, bool right, float band)
+{
+    hw_vec3 towards = hw_v3_sub(hw_box_centre(*box), eye);
+    bool upper = right == ((double)towards.x * towards.y < 0);
+    if (right)
+        box->min.x = fmaxf(box->min.x, box->max.x - band);
+    else
+        box->max.x = fminf(box->max.x, box->min.x + band);
+    if (upper)
+        box->min.y = fmaxf(box->min.y, box->max.y - band);
+    else
+        box->max.y = fminf(box->max.y, box->min.y + band);
+}
+
 // Point i of a target. Objects come into view at the rim: above what hides them, or beside it. So
 // half of the points lie along the top and a quarter at the sides that make the outline.
 static hw_vec3 point_at(const target *t, bool wide, hw_vec3 eye, uint32_t i)
 {
-    double x = spread(i, 3, t->shift[0]), y = spread(i, 4, t->shift[1]);
-    double z = spread(i, 5, t->shift[2]);
     hw_box box = t->grown[wide];
-    float band = t->band[wide];
-    uint32_t kind = i / 2 % 4;
-    if (kind < 2) {
-        box.min.z = fmaxf(box.min.z, box.max.z - band);
-    } else if (kind == 2) {
-        // Of the two corners of the outline, which lie on one diagonal or the other, one in turn.
-        hw_vec3 towards = hw_v3_sub(hw_box_centre(box), eye);
-        bool rising = (double)towards.x * towards.y < 0;
-        bool right = i / 8 % 2;
-        bool upper = right == rising;
-        *(right ? &box.min.x : &box.max.x) =
-            right ? fmaxf(box.min.x, box.max.x - band) : fminf(box.max.x, box.min.x + band);
-        *(upper ? &box.min.y : &box.max.y) =
-            upper ? fmaxf(box.min.y, box.max.y - band) : fminf(box.max.y, box.min.y + band);
+    uint32_t kind = i % 4;
+    if (kind < 2)
+        box.min.z = fmaxf(box.min.z, box.max.z - t->band[wide]);
+    else if (kind == 2)
+        keep_end(&box, eye, i / 4 % 2, t->band[wide]);
+    return hw_v3(blend(box.min.x, box.max.x, hw_spread(i, 2, t->shift[0])),
+                 blend(box.min.y, box.max.y, hw_spread(i, 3, t->shift[1])),
+                 blend(box.min.z, box.max.z, hw_spread(i, 4, t->shift[2])));
+}
+
+// A packet of rays to points of a target: true if one arrives at the box, or passes it by no more
+// than the margin. Otherwise notes those that came close to that.
+static bool arrives(const hw_occlusion *o, target *t, hw_vec3 eye, const hw_vec3 *points)
+{
+    hw_sight sights[HW_RAYS_PACKET];
+    hw_sights_look(o->sights, eye, t->box, NULL, points, HW_RAYS_PACKET, sights);
+    for (uint32_t k = 0; k < HW_RAYS_PACKET; k++) {
+        if (sights[k] == HW_SIGHT_HIDDEN)
+            continue;
+        if (sights[k] == HW_SIGHT_FREE &&
+            hw_box_entry(eye, hw_v3_sub(points[k], eye), t->grown[0]) < INFINITY)
+            return true;
+        t->seeds[t->seed_count++ % SEEDS] = (seed){eye, points[k]};
     }
-    return hw_v3((float)blend(box.min.x, box.max.x, x), (float)blend(box.min.y, box.max.y, y),
-                 (float)blend(box.min.z, box.max.z, z));
+    return false;
 }
 
 // The objects of a cell that no ray has reached yet.
 typedef struct search {
     const hw_occlusion *occlusion;
+    hw_cell_id id;
+    hw_vec3 centre;
+    double side; // of the cell
     target *open;
     uint32_t open_count;
     bool *seen; // per object of the scene
 } search;
 
-static hw_status search_make(search *s, const hw_hexgrid *grid, hw_cell_id id)
+static hw_status search_make(search *s)
 {
     const hw_occlusion *o = s->occlusion;
-    const hw_scene *scene = o->scene;
-    HW_TRY(HW_NEW(&s->open, scene->object_count));
-    for (uint32_t i = 0; i < scene->object_count; i++) {
-        s->seen[i] = hw_cell_meets_box(grid, id, scene->objects[i].bounds);
+    s->centre = hw_cell_centre(&o->grid, s->id);
+    s->side = hw_cell_side(&o->grid, s->id.level);
+    HW_TRY(HW_NEW(&s->open, o->scene->object_count));
+    for (uint32_t i = 0; i < o->scene->object_count; i++) {
+        s->seen[i] = hw_cell_meets_box(&o->grid, s->id, o->scene->objects[i].bounds);
         if (!s->seen[i])
-            s->open[s->open_count++] = target_make(o, i, o->options.margin * grid->cell_size);
+            s->open[s->open_count++] = target_make(o, i);
     }
     return HW_OK;
 }
 
-// Ray i to a target: true if it arrives at the box, or passes it by no more than the margin.
-// Otherwise notes if it has come close.
-static bool ray_arrives(const hw_occlusion *o, target *t, bool wide, hw_vec3 eye, uint32_t i)
-{
-    hw_vec3 direction = hw_v3_sub(point_at(t, wide, eye, i), eye);
-    bool meets_grown = entry(eye, direction, t->grown[0]) < INFINITY;
-    if (!meets_grown && t->near)
-        return false; // it would tell nothing new
-    float end = entry(eye, direction, t->box);
-    if (is_hidden(o, eye, direction, end < INFINITY ? end * 0.9999f : 1))
-        return false;
-    t->near = true;
-    return meets_grown;
-}
-
-// One ray from an eye to every open object.
-static void look_from(search *s, bool wide, hw_vec3 eye, uint32_t i)
+// One packet from eye i to every open object, within the wide margins.
+static void look_from(search *s, hw_vec3 eye, uint32_t i)
 {
     uint32_t left = 0;
     for (uint32_t k = 0; k < s->open_count; k++) {
         target *t = &s->open[k];
-        if (ray_arrives(s->occlusion, t, wide, eye, i))
+        hw_vec3 points[HW_RAYS_PACKET];
+        for (uint32_t n = 0; n < HW_RAYS_PACKET; n++)
+            points[n] = point_at(t, n < HW_RAYS_PACKET / 2, eye, i * HW_RAYS_PACKET + n);
+        if (arrives(s->occlusion, t, eye, points))
             s->seen[t->object_idx] = true;
         else
             s->open[left++] = *t;
@@ -300,33 +197,151 @@ static void look_from(search *s, bool wide, hw_vec3 eye, uint32_t i)
     s->open_count = left;
 }
 
-// What no ray came close to is given up.
-static void keep_near(search *s)
+// A point near another one; the way is as likely of any length as of half of it.
+static hw_vec3 step_from(hw_vec3 p, double step, hw_rng *rng)
+{
+    float r = (float)(step * exp2(-OCTAVES * (double)hw_rng_float(rng)));
+    return hw_v3(p.x + r * (2 * hw_rng_float(rng) - 1), p.y + r * (2 * hw_rng_float(rng) - 1),
+                 p.z + r * (2 * hw_rng_float(rng) - 1));
+}
+
+// Moved into the cell, towards its axis.
+static hw_vec3 clamp_to_cell(const search *s, hw_vec3 p)
+{
+    const hw_hexgrid *grid = &s->occlusion->grid;
+    double x = fabs((double)p.x - (double)s->centre.x), y = fabs((double)p.y - (double)s->centre.y);
+    // Of a hexagon with corners on the x axis: its sides are at half sqrt(3) of it.
+    double out = fmax(y, x * sqrt(0.75) + y / 2) / (s->side * sqrt(0.75));
+    if (out > 1) {
+        p.x = s->centre.x + (p.x - s->centre.x) / (float)out;
+        p.y = s->centre.y + (p.y - s->centre.y) / (float)out;
+    }
+    p.z = fminf(fmaxf(p.z, (float)grid->z_min), (float)grid->z_max);
+    return p;
+}
+
+// Rays near those that came close, and near those of them that come close again. Other ones in
+// another pass.
+static bool follow_up(const search *s, target *t, uint32_t packets, uint32_t pass)
+{
+    const hw_occlusion *o = s->occlusion;
+    double step = STEP_MAX * s->side;
+    const uint32_t place[] = {(uint32_t)s->id.q, (uint32_t)s->id.r, t->object_idx};
+    hw_rng rng = hw_rng_make(7 + pass, hw_hash(7, place, sizeof place));
+    for (uint32_t i = 0; i < packets && t->seed_count > 0; i++) {
+        const seed from = t->seeds[i % (t->seed_count < SEEDS ? t->seed_count : SEEDS)];
+        hw_vec3 points[HW_RAYS_PACKET], eye = clamp_to_cell(s, step_from(from.eye, step, &rng));
+        for (uint32_t n = 0; n < HW_RAYS_PACKET; n++) {
+            hw_vec3 p = step_from(from.point, step, &rng);
+            points[n] = hw_v3_max(hw_v3_min(p, t->grown[0].max), t->grown[0].min);
+        }
+        if (arrives(o, t, eye, points))
+            return true;
+    }
+    return false;
+}
+
+// Looks from eyes first to before end, then follows up.
+static void search_pass(search *s, const hw_vec3 *eyes, uint32_t first, uint32_t end,
+                        uint32_t packets, uint32_t pass)
 {
     uint32_t left = 0;
-    for (uint32_t k = 0; k < s->open_count; k++)
-        if (s->open[k].near)
-            s->open[left++] = s->open[k];
+    for (uint32_t i = first; i < end && s->open_count > 0; i++)
+        look_from(s, eyes[i], i);
+    for (uint32_t k = 0; k < s->open_count; k++) {
+        target *t = &s->open[k];
+        s->seen[t->object_idx] = follow_up(s, t, packets, pass);
+        if (!s->seen[t->object_idx])
+            s->open[left++] = *t;
+    }
     s->open_count = left;
 }
 
-hw_status hw_occlusion_query(const hw_occlusion *o, const hw_hexgrid *grid, hw_cell_id id,
-                             bool *seen)
+// Where few objects are hidden there is time to look for each of them longer.
+static hw_status search_cell(const hw_occlusion *o, hw_cell_id id, bool *seen)
 {
     hw_status status = HW_OK;
-    search s = {.occlusion = o, .seen = seen};
-    hw_vec3 corners[HW_CELL_CORNERS], centre = hw_cell_centre(grid, id);
-    uint32_t wide_count = (o->options.rays + WIDE_SHARE - 1) / WIDE_SHARE;
-    hw_cell_corners(grid, id, corners);
-    HW_GO(search_make(&s, grid, id));
-    for (uint32_t i = 0; i < o->options.rays && s.open_count > 0; i++) {
-        if (i == wide_count)
-            keep_near(&s);
-        hw_vec3 eye =
-            i < HW_CELL_CORNERS ? corners[HW_CELL_CORNERS - 1 - i] : eye_at(corners, centre, i);
-        look_from(&s, i < wide_count, eye, i);
+    search s = {.occlusion = o, .id = id, .seen = seen};
+    uint32_t count = o->options.eyes;
+    hw_vec3 *eyes = NULL;
+    HW_GO(search_make(&s));
+    HW_GO(HW_NEW(&eyes, (size_t)count * (1 + MORE_EYES)));
+    hw_cell_eyes(&o->grid, id, count * (1 + MORE_EYES), eyes);
+    search_pass(&s, eyes, 0, count, FOLLOW_UPS * count, 0);
+    if (s.open_count > 0 && o->options.more > 0) {
+        uint32_t packets = o->options.more * count / s.open_count, more = MORE_EYES * count;
+        search_pass(&s, eyes, count, count + (packets < more ? packets : more), packets, 1);
     }
 out:
     hw_free(s.open);
+    hw_free(eyes);
+    return status;
+}
+
+// ---- cells -----------------------------------------------------------------------------------
+
+// Adds what is seen from a cell of level 0. Searched for once only, or by several threads to the
+// same end.
+static hw_status add_seen(hw_occlusion *o, hw_cell_id id, bool *seen)
+{
+    uint32_t count = o->scene->object_count;
+    bool **slot = &o->seen[hw_hexgrid_index(&o->grid, id)], *own = NULL;
+    pthread_mutex_lock(&o->mutex);
+    const bool *known = *slot;
+    pthread_mutex_unlock(&o->mutex);
+    if (!known) {
+        HW_TRY(HW_NEW(&own, count));
+        hw_status status = search_cell(o, id, own);
+        if (status != HW_OK) {
+            hw_free(own);
+            return status;
+        }
+        pthread_mutex_lock(&o->mutex);
+        if (*slot)
+            hw_free(own);
+        else
+            *slot = own;
+        known = *slot;
+        pthread_mutex_unlock(&o->mutex);
+    }
+    for (uint32_t i = 0; i < count; i++)
+        seen[i] |= known[i];
+    return HW_OK;
+}
+
+hw_status hw_occlusion_query(hw_occlusion *o, hw_cell_id id, bool *seen)
+{
+    hw_status status = HW_OK;
+    hw_cell_id *leaves = NULL;
+    uint32_t count = 0;
+    memset(seen, 0, o->scene->object_count * sizeof *seen);
+    HW_GO(hw_cell_leaves(&o->grid, id, &leaves, &count));
+    for (uint32_t i = 0; i < count; i++)
+        HW_GO(add_seen(o, leaves[i], seen));
+out:
+    hw_free(leaves);
+    return status;
+}
+
+hw_status hw_occlusion_faces(const hw_occlusion *o, hw_cell_id id, const hw_sight_surface *surface,
+                             bool *seen)
+{
+    hw_status status = HW_OK;
+    hw_cell_id *leaves = NULL;
+    hw_vec3 *eyes = NULL, *leaf_eyes = NULL;
+    uint32_t count = 0, each = o->options.face_eyes * HW_SIGHT_EYE_CLASSES;
+    HW_GO(hw_cell_leaves(&o->grid, id, &leaves, &count));
+    HW_GO(HW_NEW(&eyes, (size_t)each * count));
+    HW_GO(HW_NEW(&leaf_eyes, each));
+    for (uint32_t i = 0; i < count; i++) { // the leaves take turns
+        hw_cell_eyes(&o->grid, leaves[i], each, leaf_eyes);
+        for (uint32_t k = 0; k < each; k++)
+            eyes[(size_t)k * count + i] = leaf_eyes[k];
+    }
+    HW_GO(hw_sights_faces(o->sights, surface, eyes, each * count, seen));
+out:
+    hw_free(leaves);
+    hw_free(leaf_eyes);
+    hw_free(eyes);
     return status;
 }

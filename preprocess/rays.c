@@ -80,7 +80,7 @@ static hw_status create_mesh_scene(RTCDevice device, const hw_mesh *mesh, RTCSce
     *out = rtcNewScene(device);
     if (!*out)
         return check_device(device, name);
-    rtcSetSceneFlags(*out, RTC_SCENE_FLAG_ROBUST);
+    rtcSetSceneFlags(*out, RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION);
     RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
     if (!geometry)
         return check_device(device, name);
@@ -187,7 +187,7 @@ hw_status hw_rays_create_scene(hw_rays **out, const hw_scene *scene)
     rays->top = rtcNewScene(rays->device);
     if (!rays->top)
         HW_GO(check_device(rays->device, "the scene"));
-    rtcSetSceneFlags(rays->top, RTC_SCENE_FLAG_ROBUST);
+    rtcSetSceneFlags(rays->top, RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION);
     for (uint32_t i = 0; i < scene->object_count; i++)
         HW_GO(attach_object(rays, scene, i));
     rtcCommitScene(rays->top);
@@ -398,7 +398,7 @@ hw_hit hw_rays_cast_object(const hw_rays *rays, uint32_t object_idx, hw_vec3 ori
     return hit;
 }
 
-#define PACKET 16
+#define PACKET HW_RAYS_PACKET
 
 static void set_packet_ray(struct RTCRayHit16 *packet, uint32_t i, hw_vec3 origin,
                            hw_vec3 direction, float t_max)
@@ -508,6 +508,71 @@ bool hw_rays_occluded(const hw_rays *rays, hw_vec3 origin, hw_vec3 direction, fl
     struct RTCRay ray = make_ray(origin, direction, t_min, t_max);
     rtcOccluded1(rays->top, &context, &ray);
     return ray.tfar < 0; // Embree marks a hit by -inf
+}
+
+// What a filter needs to know of the scene; the context comes first, as Embree hands it over.
+typedef struct sided_context {
+    struct RTCIntersectContext base;
+    const object_place *places;
+    const hw_rays_hiders *hiders;
+} hiding_context;
+
+// Where Embree keeps an array of a packet of N rays or hits: the accessors are for C++ alone.
+enum { RAY_DIRECTION = 4, HIT_NORMAL = 0, HIT_INSTANCE = 7 };
+
+// Lets rays pass through what does not hide, and through the backs of what is not solid.
+static void pass_through(const struct RTCFilterFunctionNArguments *a)
+{
+    const hiding_context *context = (const hiding_context *)a->context;
+    const bool *solid = context->hiders->solid, *objects = context->hiders->objects;
+    const float *direction = (const float *)a->ray + (size_t)RAY_DIRECTION * a->N;
+    const float *normal = (const float *)a->hit + (size_t)HIT_NORMAL * a->N;
+    const uint32_t *instance = (const uint32_t *)a->hit + (size_t)HIT_INSTANCE * a->N;
+    for (uint32_t i = 0; i < a->N; i++) {
+        if (a->valid[i] != -1)
+            continue;
+        if (objects && !objects[instance[i]])
+            a->valid[i] = 0;
+        if (!solid || solid[context->places[instance[i]].mesh_idx])
+            continue;
+        float facing = 0; // ray and normal are both in the mesh's own space here
+        for (uint32_t k = 0; k < 3; k++)
+            facing += normal[k * a->N + i] * direction[k * a->N + i];
+        if (!(facing < 0))
+            a->valid[i] = 0;
+    }
+}
+
+void hw_rays_occluded_many(const hw_rays *rays, hw_vec3 origin, const hw_vec3 *directions,
+                           const float *t_max, uint32_t count, const hw_rays_hiders *hiders,
+                           bool *hidden)
+{
+    assert(rays->top && (rays->instanced || !hiders) && count <= HW_RAYS_PACKET);
+    // Not as coherent: Embree 3.13 then may never come back from an occlusion query on instances.
+    hiding_context context = {packet_context(false), rays->places, hiders};
+    if (hiders && (hiders->solid || hiders->objects))
+        context.base.filter = pass_through;
+    _Alignas(64) int valid[PACKET];
+    _Alignas(64) struct RTCRay16 packet;
+    for (uint32_t i = 0; i < PACKET; i++) {
+        uint32_t k = i < count ? i : 0;
+        valid[i] = i < count ? -1 : 0;
+        packet.org_x[i] = origin.x;
+        packet.org_y[i] = origin.y;
+        packet.org_z[i] = origin.z;
+        packet.tnear[i] = 0;
+        packet.dir_x[i] = directions[k].x;
+        packet.dir_y[i] = directions[k].y;
+        packet.dir_z[i] = directions[k].z;
+        packet.time[i] = 0;
+        packet.tfar[i] = t_max[k];
+        packet.mask[i] = UINT32_MAX;
+        packet.id[i] = i;
+        packet.flags[i] = 0;
+    }
+    rtcOccluded16(valid, rays->top, &context.base, &packet);
+    for (uint32_t i = 0; i < count; i++)
+        hidden[i] = packet.tfar[i] < 0; // Embree marks a hit by -inf
 }
 
 // Barycentric coordinates (u, v) of the point of triangle abc closest to p

@@ -68,6 +68,21 @@ void hw_rays_cast_parallel(const hw_rays *rays, const hw_vec3 *origins, hw_vec3 
 bool hw_rays_occluded(const hw_rays *rays, hw_vec3 origin, hw_vec3 direction, float t_min,
                       float t_max);
 
+// What of a scene hides, where not all does.
+typedef struct hw_rays_hiders {
+    const bool *solid;   // per mesh; false: hides from the front of its triangles only. NULL: all
+    const bool *objects; // per object; false: hides nothing. NULL: all
+} hw_rays_hiders;
+
+// The most segments of one call of hw_rays_occluded_many.
+#define HW_RAYS_PACKET 16u
+// `count` segments (at most HW_RAYS_PACKET) from one origin against the scene or mesh, together:
+// hidden[i] tells whether anything lies on origin + t directions[i], t in [0, t_max[i]]. `hiders`
+// may be NULL, and is for a mesh.
+void hw_rays_occluded_many(const hw_rays *rays, hw_vec3 origin, const hw_vec3 *directions,
+                           const float *t_max, uint32_t count, const hw_rays_hiders *hiders,
+                           bool *hidden);
+
 typedef struct hw_closest {
     float distance; // INFINITY if nothing lies within the radius
     uint32_t triangle_idx;

@@ -12,6 +12,7 @@
 #define EXTENT_FACES     1000u
 #define IMPOSTOR_SAMPLES 4u         // rays per texel and axis: outlines are as good as the coverage
 #define QUANTUM_PX       (1.0 / 32) // coarser steps show on silhouettes
+#define OCCLUSION_PX     8.0        // between points of a face that are looked for
 
 static const hw_svmesh_policy *const policies[] = {&hw_policy_screen, &hw_policy_thesis, NULL};
 
@@ -112,6 +113,17 @@ bool hw_svmesh_project(const hw_svmesh_job *job, hw_vec3 world, double image[3])
     return true;
 }
 
+// From image space back to the world.
+static hw_vec3 unproject(const hw_svmesh_job *job, const double image[3])
+{
+    hw_vec3 axis, right, up;
+    hw_face_basis(job->face, &axis, &right, &up);
+    double focal = job->view->focal_px, depth = focal * job->view->size / image[2];
+    hw_vec3 p = hw_v3_mad(job->view->centre, axis, (float)depth);
+    return hw_v3_mad(hw_v3_mad(p, right, (float)(image[0] * depth / focal)), up,
+                     (float)(image[1] * depth / focal));
+}
+
 uint32_t hw_svmesh_eyes(const hw_svmesh_job *job, bool centre_only, hw_vec3 eyes[HW_CELL_CORNERS])
 {
     hw_mat4 inverse;
@@ -205,7 +217,11 @@ static void record_window(const hw_capture_window *window, hw_far_record *record
 hw_status hw_svmesh_capture(const hw_svmesh_job *job, const hw_capture_window *window,
                             uint32_t samples, hw_capture *out)
 {
-    HW_TRY(hw_capture_object(job->capturer, job->object_idx, window, samples, out));
+    if (job->members)
+        HW_TRY(hw_capture_objects(job->capturer, job->members, job->member_count, window, samples,
+                                  out));
+    else
+        HW_TRY(hw_capture_object(job->capturer, job->object_idx, window, samples, out));
     hw_capture_dilate(out, DILATION_TEXELS);
     return HW_OK;
 }
@@ -345,6 +361,64 @@ static bool in_front(const hw_svmesh_job *job)
     return true;
 }
 
+// Drops the faces that no point of the cell sees past other objects.
+static hw_status drop_hidden(const hw_svmesh_job *job, hw_view_mesh *mesh)
+{
+    hw_status status = HW_OK;
+    hw_vec3 *positions = NULL;
+    bool *seen = NULL;
+    uint32_t n = 0;
+    HW_GO(HW_NEW(&positions, mesh->vertex_count));
+    HW_GO(HW_NEW(&seen, mesh->index_count / 3));
+    for (uint32_t v = 0; v < mesh->vertex_count; v++)
+        positions[v] = unproject(job, mesh->positions[v]);
+    const hw_sight_surface surface = {.box = job->scene->objects[job->object_idx].bounds,
+                                      .vertex_count = mesh->vertex_count,
+                                      .index_count = mesh->index_count,
+                                      .positions = positions,
+                                      .indices = mesh->indices,
+                                      .spacing = OCCLUSION_PX * job->distance.effective /
+                                                 job->view->focal_px};
+    HW_GO(hw_occlusion_faces(job->occlusion, job->view->id, &surface, seen));
+    for (uint32_t i = 0; i < mesh->index_count; i++)
+        if (seen[i / 3])
+            mesh->indices[n++] = mesh->indices[i];
+    if (n == mesh->index_count)
+        goto out;
+    mesh->index_count = n;
+    HW_GO(hw_view_mesh_compact(mesh));
+out:
+    hw_free(positions);
+    hw_free(seen);
+    return status;
+}
+
+hw_status hw_svmesh_finish(const hw_svmesh_job *job, const hw_view_mesh *mesh, bool cut_out,
+                           bool *fits, hw_svmesh *out)
+{
+    hw_status status = HW_OK;
+    hw_capture_window window;
+    memset(out, 0, sizeof *out);
+    *fits = hw_svmesh_window(job, mesh, &window);
+    if (!*fits)
+        return HW_OK;
+    out->record.object_idx = job->object_idx;
+    out->record.face = (uint32_t)job->face;
+    record_window(&window, &out->record);
+    HW_GO(quantise_mesh(job, mesh, out));
+    if (out->record.index_count == 0)
+        goto out;
+    out->record.bounds = record_bounds(out, job->view->centre);
+    out->record.cut_out = cut_out;
+    HW_GO(hw_svmesh_capture(job, &window,
+                            cut_out ? IMPOSTOR_SAMPLES : job->options->capture_samples,
+                            &out->capture));
+out:
+    if (status != HW_OK || out->record.index_count == 0)
+        hw_svmesh_free(out);
+    return status;
+}
+
 // Whether the object is an SVMesh, an MVMesh (job->multi_view) or near.
 static bool must_be_near(hw_svmesh_job *job, double *error)
 {
@@ -367,7 +441,7 @@ hw_status hw_svmesh_derive(hw_svmesh_job *job, bool *is_near, hw_svmesh *out)
 {
     hw_status status = HW_OK;
     hw_view_mesh mesh = {0};
-    hw_capture_window window;
+    bool fits = true;
     memset(out, 0, sizeof *out);
     double error;
     *is_near = must_be_near(job, &error);
@@ -375,27 +449,16 @@ hw_status hw_svmesh_derive(hw_svmesh_job *job, bool *is_near, hw_svmesh *out)
         return HW_OK;
     bool flat = error < job->options->impostor_px;
     HW_GO(flat ? hw_impostor_make(job, &mesh) : job->options->policy->simplify(job, &mesh));
-    if (mesh.index_count == 0)
-        goto out;
-    if (!hw_svmesh_window(job, &mesh, &window)) {
-        *is_near = true;
-        goto out;
-    }
-    out->record.object_idx = job->object_idx;
-    out->record.face = (uint32_t)job->face;
-    record_window(&window, &out->record);
-    HW_GO(quantise_mesh(job, &mesh, out));
-    if (out->record.index_count == 0)
-        goto out;
-    out->record.bounds = record_bounds(out, job->view->centre);
-    out->record.cut_out = flat;
-    HW_GO(hw_svmesh_capture(job, &window, flat ? IMPOSTOR_SAMPLES : job->options->capture_samples,
-                            &out->capture));
-    if (job->multi_view)
+    if (job->occlusion && mesh.index_count > 0)
+        HW_GO(drop_hidden(job, &mesh));
+    if (mesh.index_count > 0)
+        HW_GO(hw_svmesh_finish(job, &mesh, flat, &fits, out));
+    *is_near = !fits;
+    if (fits && job->multi_view && out->record.index_count > 0)
         HW_GO(hw_mvmesh_add_views(job, out));
 out:
     hw_view_mesh_free(&mesh);
-    if (status != HW_OK || *is_near || out->record.index_count == 0)
+    if (status != HW_OK)
         hw_svmesh_free(out);
     return status;
 }

@@ -11,6 +11,7 @@
 #include "capture.h"
 #include "cell_file.h"
 #include "chain.h"
+#include "occlusion.h"
 #include "region.h"
 
 #define HW_REFERENCE_IMAGE_PX    1024.0 // ImageRes of the thesis; sides of the reference view
@@ -61,8 +62,11 @@ typedef struct hw_svmesh_job {
     const hw_far_options *options;
     const hw_scene *scene;
     const hw_capturer *capturer;
-    const hw_chain *chain; // of the object's mesh
+    const hw_occlusion *occlusion; // NULL: faces behind other objects stay
+    const hw_chain *chain;         // of the object's mesh
     uint32_t object_idx;
+    const uint32_t *members; // of a cluster, object_idx first; NULL: the object alone
+    uint32_t member_count;
     hw_region_distance distance;
     double scale; // largest stretch of the object's transform: mesh units to world units
     int face;
@@ -101,6 +105,12 @@ const hw_svmesh_policy *hw_policy_find(const char *name);
 // too large, or its capture would be larger than capture_side_max. *out is also empty when nothing
 // of the object faces the cell.
 HW_MUST_USE hw_status hw_svmesh_derive(hw_svmesh_job *job, bool *is_near, hw_svmesh *out);
+
+// The rest of a derivation: window, quantised vertices, record and capture of a mesh in image space.
+// `cut_out` as in hw_far_record. *fits tells whether the capture is not too large; *out is left empty if it is, or if nothing is
+// left of the mesh.
+HW_MUST_USE hw_status hw_svmesh_finish(const hw_svmesh_job *job, const hw_view_mesh *mesh,
+                                       bool cut_out, bool *fits, hw_svmesh *out);
 
 // ---- for policies ----------------------------------------------------------------------------
 

@@ -8,12 +8,13 @@
 #include <string.h>
 
 static const char *output, *json_file, *policy = "screen", *shard, *along, *heights = "8:16",
-                                       *occlusion = "off", *mvmesh_blend = "off";
+                                       *occlusion = "off", *clusters = "off", *mvmesh_blend = "off";
 static uint64_t threads, memory, levels, texture_side = 1024, every = 1, mvmesh_views = 3;
 static hw_tour tour; // of --along
 static double cell_size = 50, self_occlusion, edge_length = 4.5, near_error = 0.27,
               outline_error = 0.085, interior_error = 5, impostor = 1, mvmesh_limit,
-              mvmesh_textured = 120, mvmesh_outline = 0.03, mvmesh_interior = 3;
+              mvmesh_textured = 120, mvmesh_outline = 0.03, mvmesh_interior = 3,
+              cluster_error = 10;
 static atomic_bool stop;
 
 static uint32_t options(hw_option *out, uint32_t capacity)
@@ -57,8 +58,14 @@ static uint32_t options(hw_option *out, uint32_t capacity)
          "surface error (99th percentile) of near objects"},
         {"texture-side", 0, HW_OPTION_UINT, &texture_side, "TEXELS", NULL, 16, 4096,
          "objects with larger captures are near"},
-        {"occlusion", 0, HW_OPTION_CHOICE, &occlusion, "on|off", "on|off", 0, 0,
-         "leave out of each cell the objects that cannot be seen from any point of it"},
+        {"occlusion", 0, HW_OPTION_CHOICE, &occlusion, "WHAT", "off|objects|triangles", 0, 0,
+         "leave out of each cell what cannot be seen from any point of it: whole objects, or "
+         "triangles of far objects too"},
+        {"clusters", 0, HW_OPTION_CHOICE, &clusters, "on|off", "on|off", 0, 0,
+         "draw far objects that lie near each other in the picture as one, where that takes a "
+         "smaller texture"},
+        {"cluster-error", 0, HW_OPTION_DOUBLE, &cluster_error, "PX", NULL, 0, 1e6,
+         "largest self-occluding error of a cluster"},
         {"levels", 0, HW_OPTION_UINT, &levels, "N", NULL, 0, HW_CELL_LEVELS_MAX,
          "levels of the cell hierarchy; each groups seven cells of the one below to draw what is "
          "far away. 0: one for up to 1000 cells, else 3"},
@@ -116,7 +123,11 @@ static hw_status read_options(const char *scene, hw_build_options *o)
     o->near_error_px = near_error;
     o->threads = (uint32_t)threads;
     o->memory_bytes = memory;
-    o->cull_occluded = strcmp(occlusion, "on") == 0;
+    o->cull = strcmp(occlusion, "off") == 0       ? HW_OCCLUSION_OFF
+              : strcmp(occlusion, "objects") == 0 ? HW_OCCLUSION_OBJECTS
+                                                  : HW_OCCLUSION_TRIANGLES;
+    o->clusters = strcmp(clusters, "on") == 0;
+    o->cluster_error_px = cluster_error;
     o->far.policy = hw_policy_find(policy);
     o->far.edge_length_px = edge_length;
     o->far.outline_px = outline_error;

@@ -280,6 +280,50 @@ static void test_failures(void **state)
     hw_capture_free(NULL);
 }
 
+// Two squares, the second half way behind the first: the nearest shows, and where only one is, it
+// is captured as it is alone.
+static void test_several_objects(void **state)
+{
+    (void)state;
+    hw_mesh meshes[2] = {square(1), square(1)};
+    const hw_mat4 transforms[2] = {
+        hw_mat4_mul(hw_mat4_translation(100, 0, 0), hw_mat4_scale(10, 10, 10)),
+        hw_mat4_mul(hw_mat4_translation(120, 12, 0), hw_mat4_scale(12, 12, 12))};
+    stage s;
+    s.scene = shape_scene(meshes, transforms, 2);
+    hw_scene_update_bounds(&s.scene);
+    assert_int_equal(hw_rays_create_scene(&s.rays, &s.scene), HW_OK);
+    assert_int_equal(hw_capturer_create(&s.scene, s.rays, &s.capturer), HW_OK);
+    const int face = hw_face_towards(1, 0);
+    hw_capture_window window = {{0, 0, 0}, face, -0.8f, 0.8f, -0.2f, 0.2f, 96, 40};
+    hw_capture alone[2], both, reversed;
+    const uint32_t order[2] = {0, 1}, backwards[2] = {1, 0};
+    for (uint32_t i = 0; i < 2; i++)
+        assert_int_equal(hw_capture_object(s.capturer, i, &window, 1, &alone[i]), HW_OK);
+    assert_int_equal(hw_capture_objects(s.capturer, order, 2, &window, 1, &both), HW_OK);
+    assert_int_equal(hw_capture_objects(s.capturer, backwards, 2, &window, 1, &reversed), HW_OK);
+    uint32_t shared = 0, single = 0, none = 0;
+    for (uint32_t i = 0; i < 96 * 40; i++) {
+        float nearest = fminf(alone[0].depths[i], alone[1].depths[i]);
+        bool first = alone[0].colors[i].a > 0, second = alone[1].colors[i].a > 0;
+        shared += first && second;
+        single += first != second;
+        none += !first && !second;
+        assert_int_equal(both.colors[i].a > 0, first || second);
+        if (nearest < INFINITY)
+            assert_float_equal(both.depths[i], nearest, 1e-3 * (double)nearest);
+        else
+            assert_true(isinf(both.depths[i]));
+    }
+    assert_true(shared > 20 && single > 20 && none > 20);
+    assert_memory_equal(both.depths, reversed.depths, 96 * 40 * sizeof *both.depths);
+    for (int i = 0; i < 2; i++)
+        hw_capture_free(&alone[i]);
+    hw_capture_free(&both);
+    hw_capture_free(&reversed);
+    clear_stage(&s);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -290,6 +334,7 @@ int main(void)
         cmocka_unit_test(test_texture_is_filtered),
         cmocka_unit_test(test_dilate),
         cmocka_unit_test(test_failures),
+        cmocka_unit_test(test_several_objects),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,6 +1,7 @@
 // Regional occlusion on small scenes with known answers, judged by the same count of pixels that
 // check_occlusion uses, which must also catch a culling that looks from too few points.
 #include "alloc.h"
+#include "hierarchy.h"
 #include "occlusion.h"
 #include "parallel.h"
 #include "rng.h"
@@ -18,7 +19,8 @@
 // One cell of side 20 round the origin, eyes at heights 8 to 16.
 static hw_hexgrid one_cell(void)
 {
-    return (hw_hexgrid){.cell_size = 20, .z_min = 8, .z_max = 16, .columns = 1, .rows = 1};
+    return (hw_hexgrid){
+        .cell_size = 20, .z_min = 8, .z_max = 16, .columns = 1, .rows = 1, .levels = 1};
 }
 
 static hw_box box(float x0, float y0, float z0, float x1, float y1, float z1)
@@ -60,8 +62,8 @@ static void stage_free(stage *s)
 static void query(const stage *s, hw_occlusion_options options, bool seen[OBJECTS_MAX])
 {
     hw_occlusion *o;
-    assert_int_equal(hw_occlusion_create(&o, &s->scene, s->rays, &options), HW_OK);
-    assert_int_equal(hw_occlusion_query(o, &s->grid, (hw_cell_id){0}, seen), HW_OK);
+    assert_int_equal(hw_occlusion_create(&o, &s->scene, s->rays, &s->grid, &options), HW_OK);
+    assert_int_equal(hw_occlusion_query(o, (hw_cell_id){0}, seen), HW_OK);
     hw_occlusion_destroy(o);
 }
 
@@ -144,7 +146,7 @@ static void careless_culling_is_caught(void **state)
     bool seen[OBJECTS_MAX];
     slit_scene(boxes);
     stage s = stage_of_boxes(boxes, 4);
-    query(&s, (hw_occlusion_options){.rays = 3, .margin = 0}, seen);
+    query(&s, (hw_occlusion_options){.eyes = 1, .margin = 0}, seen);
     assert_false(seen[2]);
     assert_true(lost_pixels(&s, seen) > 2);
     stage_free(&s);
@@ -157,7 +159,7 @@ static void what_meets_the_cell_is_seen(void **state)
                             box(-0.5f, -0.5f, 9.5f, 1.5f, 1.5f, 10.5f)};
     bool seen[OBJECTS_MAX];
     stage s = stage_of_boxes(boxes, 3);
-    query(&s, (hw_occlusion_options){.rays = 0, .margin = 0}, seen);
+    query(&s, (hw_occlusion_options){.eyes = 0, .margin = 0}, seen);
     assert_false(seen[0]); // below the eyes, and no ray was cast
     assert_true(seen[1] && seen[2]);
     stage_free(&s);
@@ -200,11 +202,121 @@ static void pictures_count_pixels(void **state)
     stage_free(&s);
 }
 
+// ---- faces -----------------------------------------------------------------------------------
+
+// A tower behind a wall: what rises above the wall from somewhere stays, with its neighbours; the
+// rest goes. Cut into 24 x 24 squares, so that a ring of faces is thin.
+static void wall_hides_the_foot_of_a_tower(void **state)
+{
+    (void)state;
+    const hw_box boxes[] = {box(100, -200, 0, 103, 200, 30), box(200, -12, 0, 220, 12, 60)};
+    stage s = stage_of_boxes(boxes, 2);
+    hw_mesh front = shape_plane(hw_v3(200, 12, 0), hw_v3(0, -24, 0), hw_v3(0, 0, 60), 24, 24);
+    hw_occlusion *o;
+    const hw_occlusion_options options = hw_occlusion_defaults();
+    assert_int_equal(hw_occlusion_create(&o, &s.scene, s.rays, &s.grid, &options), HW_OK);
+    const hw_sight_surface surface = {.box = boxes[1],
+                                      .vertex_count = front.vertex_count,
+                                      .index_count = front.index_count,
+                                      .positions = front.positions,
+                                      .indices = front.indices,
+                                      .spacing = 2};
+    bool *seen;
+    assert_int_equal(HW_NEW(&seen, front.index_count / 3), HW_OK);
+    assert_int_equal(hw_occlusion_faces(o, (hw_cell_id){0}, &surface, seen), HW_OK);
+    // From the corner farthest away, (-20, 0, 16), the line over the wall's far edge meets the
+    // tower at 16 + 14 / 123 * 220 = 41; no eye sees lower.
+    for (uint32_t i = 0; i < front.index_count / 3; i++) {
+        float high = 0;
+        for (uint32_t k = 0; k < 3; k++)
+            high = fmaxf(high, front.positions[front.indices[3 * i + k]].z);
+        if (high > 42)
+            assert_true(seen[i]);
+        if (high < 41 - 3 * 60 / 24.0f) // two rings, and the square that the limit lies in
+            assert_false(seen[i]);
+    }
+    hw_free(seen);
+    hw_mesh_free(&front);
+    hw_occlusion_destroy(o);
+    stage_free(&s);
+}
+
+// A large face of which only a spot in the middle shows, through a window in a wall.
+static void spot_of_a_large_face_is_seen(void **state)
+{
+    (void)state;
+    const hw_box boxes[] = {box(100, -200, -90, 103, -3, 90), box(100, 3, -90, 103, 200, 90),
+                            box(100, -3, -90, 103, 3, 9), box(100, -3, 15, 103, 3, 90),
+                            box(200, -60, -40, 220, 60, 60)};
+    stage s = stage_of_boxes(boxes, 5);
+    hw_mesh front = shape_plane(hw_v3(200, 60, -40), hw_v3(0, -120, 0), hw_v3(0, 0, 100), 1, 1);
+    hw_occlusion *o;
+    const hw_occlusion_options options = hw_occlusion_defaults();
+    assert_int_equal(hw_occlusion_create(&o, &s.scene, s.rays, &s.grid, &options), HW_OK);
+    for (int fine = 0; fine < 2; fine++) { // corners alone would not do
+        const hw_sight_surface surface = {.box = boxes[4],
+                                          .vertex_count = front.vertex_count,
+                                          .index_count = front.index_count,
+                                          .positions = front.positions,
+                                          .indices = front.indices,
+                                          .spacing = fine ? 10 : 1e6};
+        bool seen[2];
+        assert_int_equal(hw_occlusion_faces(o, (hw_cell_id){0}, &surface, seen), HW_OK);
+        assert_int_equal(seen[0], fine);
+        assert_int_equal(seen[1], fine);
+    }
+    hw_mesh_free(&front);
+    hw_occlusion_destroy(o);
+    stage_free(&s);
+}
+
+// ---- groups ----------------------------------------------------------------------------------
+
+// A group sees what any of its cells sees, and nothing else.
+static void group_sees_what_its_cells_see(void **state)
+{
+    (void)state;
+    // Boxes behind a wall along the grid's columns, which ends half way.
+    const hw_box boxes[] = {box(130, -300, 0, 133, 0, 40), box(230, -160, 0, 240, -150, 20),
+                            box(230, -20, 0, 240, -10, 20), box(230, 20, 0, 240, 30, 20)};
+    stage s = stage_of_boxes(boxes, 4);
+    s.grid = hw_hexgrid_cover(-60, -60, 60, 60, 20, 8, 16);
+    s.grid.levels = 2;
+    hw_occlusion *o;
+    const hw_occlusion_options options = hw_occlusion_defaults();
+    assert_int_equal(hw_occlusion_create(&o, &s.scene, s.rays, &s.grid, &options), HW_OK);
+    hw_cell_id *cells;
+    uint32_t count, groups = 0;
+    assert_int_equal(hw_hierarchy_cells(&s.grid, &cells, &count), HW_OK);
+    for (uint32_t i = 0; i < count; i++) {
+        if (cells[i].level == 0)
+            continue;
+        bool seen[4], expected[4] = {false};
+        hw_cell_id children[HW_CELL_CHILDREN];
+        assert_int_equal(hw_occlusion_query(o, cells[i], seen), HW_OK);
+        hw_cell_children(cells[i], children);
+        for (int k = 0; k < HW_CELL_CHILDREN; k++) {
+            bool own[4];
+            if (!hw_hexgrid_contains(&s.grid, children[k]))
+                continue;
+            assert_int_equal(hw_occlusion_query(o, children[k], own), HW_OK);
+            for (int n = 0; n < 4; n++)
+                expected[n] |= own[n];
+        }
+        assert_memory_equal(seen, expected, sizeof seen);
+        assert_true(seen[0] && seen[3] && !seen[1]);
+        groups++;
+    }
+    assert_true(groups > 2);
+    hw_free(cells);
+    hw_occlusion_destroy(o);
+    stage_free(&s);
+}
+
 // ---- many objects ----------------------------------------------------------------------------
 
 typedef struct job {
-    const hw_occlusion *occlusion;
-    const stage *stage;
+    hw_occlusion *occlusion;
     bool seen[8][OBJECTS_MAX];
 } job;
 
@@ -212,7 +324,7 @@ static hw_status query_in_thread(void *context, uint64_t index, uint32_t thread)
 {
     (void)thread;
     job *j = context;
-    return hw_occlusion_query(j->occlusion, &j->stage->grid, (hw_cell_id){0}, j->seen[index]);
+    return hw_occlusion_query(j->occlusion, (hw_cell_id){0}, j->seen[index]);
 }
 
 static void threads_agree(void **state)
@@ -222,9 +334,9 @@ static void threads_agree(void **state)
     slit_scene(boxes);
     stage s = stage_of_boxes(boxes, 4);
     hw_occlusion *o;
-    hw_occlusion_options options = {.rays = 40, .margin = 0};
-    assert_int_equal(hw_occlusion_create(&o, &s.scene, s.rays, &options), HW_OK);
-    job j = {.occlusion = o, .stage = &s};
+    hw_occlusion_options options = {.eyes = 3, .margin = 0};
+    assert_int_equal(hw_occlusion_create(&o, &s.scene, s.rays, &s.grid, &options), HW_OK);
+    job j = {.occlusion = o};
     assert_int_equal(hw_parallel_for(8, 4, query_in_thread, &j, NULL), HW_OK);
     for (int i = 1; i < 8; i++)
         assert_memory_equal(j.seen[0], j.seen[i], 4 * sizeof(bool));
@@ -242,12 +354,12 @@ static void exhausted_memory_is_an_error(void **state)
     uint64_t n = 1;
     for (; status != HW_OK && n < 100; n++) {
         hw_occlusion *o = NULL;
-        hw_occlusion_options options = {.rays = 4};
+        hw_occlusion_options options = {.eyes = 1};
         bool seen[OBJECTS_MAX];
         hw_alloc_fail_after(n);
-        status = hw_occlusion_create(&o, &s.scene, s.rays, &options);
+        status = hw_occlusion_create(&o, &s.scene, s.rays, &s.grid, &options);
         if (status == HW_OK)
-            status = hw_occlusion_query(o, &s.grid, (hw_cell_id){0}, seen);
+            status = hw_occlusion_query(o, (hw_cell_id){0}, seen);
         hw_alloc_fail_after(0);
         assert_true(status == HW_OK || status == HW_MEMORY);
         hw_occlusion_destroy(o);
@@ -268,6 +380,9 @@ int main(void)
         cmocka_unit_test(what_meets_the_cell_is_seen),
         cmocka_unit_test(open_sheets_hide_from_their_front),
         cmocka_unit_test(pictures_count_pixels),
+        cmocka_unit_test(wall_hides_the_foot_of_a_tower),
+        cmocka_unit_test(spot_of_a_large_face_is_seen),
+        cmocka_unit_test(group_sees_what_its_cells_see),
         cmocka_unit_test(threads_agree),
         cmocka_unit_test(exhausted_memory_is_an_error),
     };

@@ -230,7 +230,7 @@ static void bounds_of_memory_change_no_byte(void **state)
     // Culling by occlusion wants the tree of the whole scene.
     remove_tree("sh_bound");
     remove_tree("sh_culled");
-    o.cull_occluded = true;
+    o.cull = HW_OCCLUSION_TRIANGLES;
     o.memory_bytes = UINT64_C(1) << 40;
     build(&o, &report);
     o.memory_bytes = 0;

@@ -1,8 +1,11 @@
 // Checks a dataset against its scene: from random view points of random cells, every object that
 // covers some pixels of the picture must have a record in the cell. Exit 1 if one has not. Given a
-// scene instead, asks the culling itself, and tells what it costs.
+// scene instead, asks the culling itself, and tells what it costs. With --broken, the culling looks
+// from one eye only, or a dataset's cells lose a record in FORGOTTEN: the check must fail then.
+// Datasets with clusters cannot be checked: a cell file names only one member of each.
 #include "alloc.h"
 #include "cell_file.h"
+#include "hierarchy.h"
 #include "import.h"
 #include "manifest.h"
 #include "occlusion.h"
@@ -14,7 +17,8 @@
 #include <string.h>
 #include <time.h>
 
-#define EYES_MAX 1000 // tries to find a view point outside all objects
+#define EYES_MAX  1000 // tries to find a view point outside all objects
+#define FORGOTTEN 20u
 
 typedef struct check {
     const char *dataset; // NULL: the culling is asked
@@ -23,6 +27,7 @@ typedef struct check {
     hw_occlusion *occlusion;
     uint64_t seed;
     uint32_t cells, views, pixels_min;
+    bool broken;
     hw_manifest manifest;
     hw_hexgrid grid;
     hw_scene scene;
@@ -34,7 +39,6 @@ typedef struct check {
 
 // What one cell needs of memory.
 typedef struct cell_check {
-    hw_cell cell;
     bool *recorded; // per object
     uint32_t *pixels;
 } cell_check;
@@ -72,23 +76,35 @@ static double thread_ms(void)
     return 1e3 * (double)t.tv_sec + 1e-6 * (double)t.tv_nsec;
 }
 
+// Adds the records of one cell file.
+static hw_status read_cell(const check *c, hw_cell_id id, bool *recorded)
+{
+    hw_cell cell = {0};
+    char *path = NULL;
+    HW_TRY(hw_cell_path(&path, c->dataset, id));
+    hw_status status = hw_cell_read(path, &cell);
+    hw_free(path);
+    HW_TRY(status);
+    for (uint32_t i = 0; i < cell.near_count; i++)
+        recorded[cell.near[i].object_idx] = true;
+    for (uint32_t i = 0; i < cell.far_count; i++)
+        if (!c->broken || i % FORGOTTEN != 0)
+            recorded[cell.far[i].object_idx] = true;
+    hw_cell_free(&cell);
+    return HW_OK;
+}
+
+// What is drawn from a cell: by its own file, and those of the groups that hold it.
 static hw_status read_records(check *c, hw_cell_id id, cell_check *k)
 {
-    char *path = NULL;
     if (c->occlusion) {
         double start = thread_ms();
-        HW_TRY(hw_occlusion_query(c->occlusion, &c->grid, id, k->recorded));
+        HW_TRY(hw_occlusion_query(c->occlusion, id, k->recorded));
         atomic_fetch_add(&c->query_us, (unsigned long long)(1000 * (thread_ms() - start)));
         return HW_OK;
     }
-    HW_TRY(hw_cell_path(&path, c->dataset, id));
-    hw_status status = hw_cell_read(path, &k->cell);
-    hw_free(path);
-    HW_TRY(status);
-    for (uint32_t i = 0; i < k->cell.near_count; i++)
-        k->recorded[k->cell.near[i].object_idx] = true;
-    for (uint32_t i = 0; i < k->cell.far_count; i++)
-        k->recorded[k->cell.far[i].object_idx] = true;
+    for (int32_t l = 0; l < c->grid.levels; l++)
+        HW_TRY(read_cell(c, hw_cell_ancestor(id, l), k->recorded));
     return HW_OK;
 }
 
@@ -135,7 +151,6 @@ static hw_status check_cell(void *context, uint64_t index, uint32_t thread)
     for (uint32_t v = 0; v < c->views; v++)
         HW_GO(check_view(c, id, &rng, &k));
 out:
-    hw_cell_free(&k.cell);
     hw_free(k.recorded);
     hw_free(k.pixels);
     return status;
@@ -178,7 +193,7 @@ static hw_status open_scene(check *c)
     c->grid =
         hw_hexgrid_cover(box.min.x, box.min.y, box.max.x, box.max.y, 50, ground + 8, ground + 16);
     HW_TRY(hw_rays_create_scene(&c->rays, &c->scene));
-    return hw_occlusion_create(&c->occlusion, &c->scene, c->rays, &c->options);
+    return hw_occlusion_create(&c->occlusion, &c->scene, c->rays, &c->grid, &c->options);
 }
 
 static hw_status run(check *c)
@@ -204,23 +219,27 @@ static double argument(int argc, char **argv, int i, double fallback)
 
 int main(int argc, char **argv)
 {
+    bool broken = argc > 1 && strcmp(argv[argc - 1], "--broken") == 0;
+    argc -= broken;
     if (argc < 2 || argc > 7) {
-        fprintf(stderr,
-                "Usage: check_occlusion DATASET [VIEWS [CELLS [SEED]]]\n"
-                "       check_occlusion SCENE.glb [VIEWS [CELLS [SEED [RAYS [MARGIN]]]]]\n");
+        fprintf(stderr, "Usage: check_occlusion DATASET [VIEWS [CELLS [SEED]]] [--broken]\n"
+                        "       check_occlusion SCENE.glb [VIEWS [CELLS [SEED [EYES [MARGIN]]]]] "
+                        "[--broken]\n");
         return 2;
     }
     const char *dot = strrchr(argv[1], '.');
     bool is_scene = dot && strcmp(dot, ".glb") == 0;
     hw_occlusion_options o = hw_occlusion_defaults();
-    o.rays = (uint32_t)argument(argc, argv, 5, o.rays);
-    o.margin = argument(argc, argv, 6, o.margin);
+    o.eyes = (uint32_t)argument(argc, argv, 5, broken ? 1 : o.eyes);
+    o.margin = argument(argc, argv, 6, broken ? 0 : o.margin);
+    o.more = broken ? 0 : o.more;
     check c = {.dataset = is_scene ? NULL : argv[1],
                .scene_path = argv[1],
                .options = o,
                .seed = (uint64_t)argument(argc, argv, 4, 1),
                .cells = (uint32_t)fmax(argument(argc, argv, 3, 100), 1),
-               .pixels_min = 2};
+               .pixels_min = 2,
+               .broken = broken};
     c.views = (uint32_t)ceil(argument(argc, argv, 2, 10000) / c.cells);
     hw_status status = run(&c);
     if (status != HW_OK)

@@ -1,0 +1,254 @@
+#include "inner_boxes.h"
+#include <string.h>
+
+#define SIDE      64u       // voxels along the longest axis
+#define SEEDS     31u       // one voxel in so many is where a box may begin to grow
+#define SHARE_MIN 1 / 2000. // of all voxels that a further box must add
+#define SPLITS    14        // of a triangle, at most, until it is as small as a voxel
+
+#define LAYERS 2u
+
+enum { OUTSIDE = 1, SURFACE = 2, TAKEN = 4 };
+
+typedef struct voxels {
+    uint32_t n[3]; // with LAYERS round the mesh, the outermost of which stay empty
+    float size;
+    hw_vec3 origin;
+    uint8_t *marks;
+    uint32_t *sums; // per corner of the lattice: voxels below it that no box may hold
+} voxels;
+
+// A box of voxels, from low up to below high.
+typedef struct range {
+    uint32_t low[3], high[3];
+} range;
+
+static size_t at(const voxels *v, uint32_t x, uint32_t y, uint32_t z)
+{
+    return ((size_t)z * v->n[1] + y) * v->n[0] + x;
+}
+
+static void free_voxels(voxels *v)
+{
+    hw_free(v->marks);
+    hw_free(v->sums);
+}
+
+static hw_status make_voxels(const hw_mesh *mesh, voxels *v)
+{
+    hw_box box = hw_mesh_bounds(mesh);
+    hw_vec3 size = hw_box_size(box);
+    const float sides[3] = {size.x, size.y, size.z};
+    v->size = fmaxf(size.x, fmaxf(size.y, size.z)) / SIDE;
+    if (!(v->size > 0))
+        v->size = 1;
+    for (int k = 0; k < 3; k++)
+        v->n[k] = (uint32_t)fminf(ceilf(sides[k] / v->size), SIDE) + 1 + 2 * LAYERS;
+    float margin = LAYERS * v->size;
+    v->origin = hw_v3_sub(box.min, hw_v3(margin, margin, margin));
+    HW_TRY(HW_NEW(&v->marks, (size_t)v->n[0] * v->n[1] * v->n[2]));
+    return HW_NEW(&v->sums, (size_t)(v->n[0] + 1) * (v->n[1] + 1) * (v->n[2] + 1));
+}
+
+// ---- marking ---------------------------------------------------------------------------------
+
+// The voxels that a box touches, in whole numbers.
+static range range_of(const voxels *v, hw_box box)
+{
+    hw_vec3 low = hw_v3_scale(hw_v3_sub(box.min, v->origin), 1 / v->size);
+    hw_vec3 high = hw_v3_scale(hw_v3_sub(box.max, v->origin), 1 / v->size);
+    const float a[3] = {low.x, low.y, low.z}, b[3] = {high.x, high.y, high.z};
+    const float slack = 1e-3f; // more than the rounding of coordinates
+    range r;
+    for (int k = 0; k < 3; k++) {
+        r.low[k] = (uint32_t)fmaxf(a[k] - slack, 0);
+        r.high[k] = (uint32_t)fminf(b[k] + slack, (float)v->n[k] - 1) + 1;
+    }
+    return r;
+}
+
+static void mark_triangle(voxels *v, hw_vec3 a, hw_vec3 b, hw_vec3 c, int splits)
+{
+    hw_box box = hw_box_empty();
+    hw_box_add(&box, a);
+    hw_box_add(&box, b);
+    hw_box_add(&box, c);
+    range r = range_of(v, box);
+    uint32_t wide = 0;
+    for (int k = 0; k < 3; k++)
+        wide += r.high[k] - r.low[k] > 1;
+    if (wide > 1 && splits > 0) { // in halves, across the longest edge
+        float ab = hw_v3_length(hw_v3_sub(a, b)), bc = hw_v3_length(hw_v3_sub(b, c)),
+              ca = hw_v3_length(hw_v3_sub(c, a));
+        if (fmaxf(ab, fmaxf(bc, ca)) > v->size) {
+            if (bc >= ab && bc >= ca) {
+                hw_vec3 swap = a;
+                a = b;
+                b = c;
+                c = swap;
+            } else if (ca >= ab) {
+                hw_vec3 swap = a;
+                a = c;
+                c = b;
+                b = swap;
+            }
+            hw_vec3 middle = hw_v3_scale(hw_v3_add(a, b), 0.5f);
+            mark_triangle(v, a, middle, c, splits - 1);
+            mark_triangle(v, middle, b, c, splits - 1);
+            return;
+        }
+    }
+    for (uint32_t z = r.low[2]; z < r.high[2]; z++)
+        for (uint32_t y = r.low[1]; y < r.high[1]; y++)
+            memset(v->marks + at(v, r.low[0], y, z), SURFACE, r.high[0] - r.low[0]);
+}
+
+static void mark_surface(voxels *v, const hw_mesh *mesh)
+{
+    for (uint32_t i = 0; i < mesh->index_count; i += 3) {
+        const uint32_t *t = mesh->indices + i;
+        mark_triangle(v, mesh->positions[t[0]], mesh->positions[t[1]], mesh->positions[t[2]],
+                      SPLITS);
+    }
+}
+
+// What can be reached from the empty layers all round.
+static hw_status mark_outside(voxels *v)
+{
+    size_t count = (size_t)v->n[0] * v->n[1] * v->n[2], n = 0;
+    uint32_t *stack = NULL;
+    HW_TRY(HW_NEW(&stack, count));
+    v->marks[0] = OUTSIDE;
+    stack[n++] = 0;
+    while (n > 0) {
+        uint32_t i = stack[--n];
+        const uint32_t place[3] = {i % v->n[0], i / v->n[0] % v->n[1], i / v->n[0] / v->n[1]};
+        const uint32_t step[3] = {1, v->n[0], v->n[0] * v->n[1]};
+        for (int k = 0; k < 3; k++) {
+            if (place[k] > 0 && v->marks[i - step[k]] == 0) {
+                v->marks[i - step[k]] = OUTSIDE;
+                stack[n++] = i - step[k];
+            }
+            if (place[k] + 1 < v->n[k] && v->marks[i + step[k]] == 0) {
+                v->marks[i + step[k]] = OUTSIDE;
+                stack[n++] = i + step[k];
+            }
+        }
+    }
+    hw_free(stack);
+    return HW_OK;
+}
+
+// ---- boxes -----------------------------------------------------------------------------------
+
+static size_t corner(const voxels *v, uint32_t x, uint32_t y, uint32_t z)
+{
+    return ((size_t)z * (v->n[1] + 1) + y) * (v->n[0] + 1) + x;
+}
+
+// Of the voxels that no box may hold.
+static void sum_up(voxels *v)
+{
+    for (uint32_t z = 0; z < v->n[2]; z++)
+        for (uint32_t y = 0; y < v->n[1]; y++) {
+            uint32_t row = 0;
+            for (uint32_t x = 0; x < v->n[0]; x++) {
+                uint8_t mark = v->marks[at(v, x, y, z)];
+                row += mark != 0;
+                v->sums[corner(v, x + 1, y + 1, z + 1)] =
+                    row + v->sums[corner(v, x + 1, y, z + 1)] +
+                    v->sums[corner(v, x + 1, y + 1, z)] - v->sums[corner(v, x + 1, y, z)];
+            }
+        }
+}
+
+static uint32_t sum_in(const voxels *v, const range *r)
+{
+    uint32_t sum = 0;
+    for (uint32_t i = 0; i < 8; i++) {
+        uint32_t s =
+            v->sums[corner(v, i & 1 ? r->high[0] : r->low[0], i & 2 ? r->high[1] : r->low[1],
+                           i & 4 ? r->high[2] : r->low[2])];
+        bool minus = ((i & 1) + (i >> 1 & 1) + (i >> 2 & 1)) % 2 == 0;
+        sum += minus ? 0 - s : s; // modulo 2^32
+    }
+    return sum;
+}
+
+// Grows a box by a layer on each side in turn for as long as it stays inside the mesh.
+static range grow(const voxels *v, range r)
+{
+    bool grown = true;
+    while (grown) {
+        grown = false;
+        for (int k = 0; k < 6; k++) {
+            range next = r;
+            if (k % 2)
+                next.low[k / 2]--;
+            else
+                next.high[k / 2]++;
+            if (sum_in(v, &next) == 0) {
+                r = next;
+                grown = true;
+            }
+        }
+    }
+    return r;
+}
+
+static uint32_t volume(const range *r)
+{
+    return (r->high[0] - r->low[0]) * (r->high[1] - r->low[1]) * (r->high[2] - r->low[2]);
+}
+
+static range largest_from_seeds(const voxels *v)
+{
+    range best = {{0}, {0}};
+    for (uint32_t z = 0; z < v->n[2]; z++)
+        for (uint32_t y = 0; y < v->n[1]; y++)
+            for (uint32_t x = 0; x < v->n[0]; x++) {
+                // On a lattice that every layer of voxels has its share of.
+                if (v->marks[at(v, x, y, z)] != 0 || (x + 5 * y + 11 * z) % SEEDS != 0)
+                    continue;
+                range r = grow(v, (range){{x, y, z}, {x + 1, y + 1, z + 1}});
+                if (volume(&r) > volume(&best))
+                    best = r;
+            }
+    return best;
+}
+
+static void take(voxels *v, const range *r)
+{
+    for (uint32_t z = r->low[2]; z < r->high[2]; z++)
+        for (uint32_t y = r->low[1]; y < r->high[1]; y++)
+            memset(v->marks + at(v, r->low[0], y, z), TAKEN, r->high[0] - r->low[0]);
+}
+
+static hw_box box_of(const voxels *v, const range *r)
+{
+    hw_vec3 low = hw_v3((float)r->low[0], (float)r->low[1], (float)r->low[2]);
+    hw_vec3 high = hw_v3((float)r->high[0], (float)r->high[1], (float)r->high[2]);
+    return (hw_box){hw_v3_mad(v->origin, low, v->size), hw_v3_mad(v->origin, high, v->size)};
+}
+
+hw_status hw_inner_boxes(const hw_mesh *mesh, hw_box boxes[HW_INNER_BOXES_MAX], uint32_t *count)
+{
+    hw_status status = HW_OK;
+    voxels v = {0};
+    *count = 0;
+    HW_GO(make_voxels(mesh, &v));
+    mark_surface(&v, mesh);
+    HW_GO(mark_outside(&v));
+    double least = SHARE_MIN * v.n[0] * v.n[1] * v.n[2];
+    while (*count < HW_INNER_BOXES_MAX) {
+        sum_up(&v);
+        range r = largest_from_seeds(&v);
+        if (volume(&r) < least)
+            break;
+        take(&v, &r);
+        boxes[(*count)++] = box_of(&v, &r);
+    }
+out:
+    free_voxels(&v);
+    return status;
+}

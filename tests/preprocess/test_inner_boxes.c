@@ -1,0 +1,73 @@
+// Boxes inside closed meshes: wholly inside, and nearly as large as can be.
+#include "inner_boxes.h"
+#include "shapes.h"
+
+static double volume(hw_box b)
+{
+    hw_vec3 s = hw_box_size(b);
+    return (double)s.x * (double)s.y * (double)s.z;
+}
+
+static void a_box_holds_nearly_itself(void **state)
+{
+    (void)state;
+    // Cubes, slabs and posts, with corners on and off the voxels.
+    static const float sides[][3] = {{40, 40, 40}, {45, 3, 27}, {5, 5, 60}, {1000, 100, 333}};
+    for (size_t i = 0; i < sizeof sides / sizeof *sides; i++) {
+        hw_box outer = {{-7, 3, 11}, {sides[i][0] - 7, sides[i][1] + 3, sides[i][2] + 11}};
+        hw_mesh mesh = shape_box(outer, false);
+        hw_box boxes[HW_INNER_BOXES_MAX];
+        uint32_t count;
+        assert_int_equal(hw_inner_boxes(&mesh, boxes, &count), HW_OK);
+        assert_int_equal(count, 1);
+        assert_true(boxes[0].min.x > outer.min.x && boxes[0].max.x < outer.max.x);
+        assert_true(boxes[0].min.y > outer.min.y && boxes[0].max.y < outer.max.y);
+        assert_true(boxes[0].min.z > outer.min.z && boxes[0].max.z < outer.max.z);
+        assert_true(volume(boxes[0]) > 0.2 * volume(outer));
+        hw_mesh_free(&mesh);
+    }
+}
+
+static void boxes_stay_within_a_sphere(void **state)
+{
+    (void)state;
+    hw_mesh mesh = shape_sphere(hw_v3(100, -50, 7), 10, 64, 32);
+    hw_box boxes[HW_INNER_BOXES_MAX];
+    uint32_t count;
+    assert_int_equal(hw_inner_boxes(&mesh, boxes, &count), HW_OK);
+    assert_int_equal(count, HW_INNER_BOXES_MAX);
+    for (uint32_t i = 0; i < count; i++) {
+        assert_true(volume(boxes[i]) > 0);
+        for (uint32_t k = 0; k < 8; k++) {
+            hw_vec3 p = hw_v3_sub(hw_box_corner(boxes[i], k), hw_v3(100, -50, 7));
+            assert_true(hw_v3_length(p) < 10);
+        }
+    }
+    assert_true(volume(boxes[0]) > 0.3 * 8 * 1000 / pow(3, 1.5)); // of the largest cube within
+    hw_mesh_free(&mesh);
+}
+
+// A closed mesh whose inside is thinner than a voxel holds nothing, nor does an open sheet.
+static void thin_things_hold_none(void **state)
+{
+    (void)state;
+    hw_mesh meshes[] = {shape_box((hw_box){{0, 0, 0}, {100, 0.5f, 100}}, false),
+                        shape_plane(hw_v3(0, 0, 0), hw_v3(9, 0, 1), hw_v3(0, 9, 2), 5, 5)};
+    for (int i = 0; i < 2; i++) {
+        hw_box boxes[HW_INNER_BOXES_MAX];
+        uint32_t count = 9;
+        assert_int_equal(hw_inner_boxes(&meshes[i], boxes, &count), HW_OK);
+        assert_int_equal(count, 0);
+        hw_mesh_free(&meshes[i]);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_box_holds_nearly_itself),
+        cmocka_unit_test(boxes_stay_within_a_sphere),
+        cmocka_unit_test(thin_things_hold_none),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
