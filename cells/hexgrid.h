@@ -19,6 +19,16 @@ typedef struct hw_hexgrid {
     int32_t levels;            // 1 to HW_CELL_LEVELS_MAX
 } hw_hexgrid;
 
+// By level, then q, then r: below, equal to or above 0, for cells in order.
+static inline int hw_cell_compare(hw_cell_id a, hw_cell_id b)
+{
+    if (a.level != b.level)
+        return a.level < b.level ? -1 : 1;
+    if (a.q != b.q)
+        return a.q < b.q ? -1 : 1;
+    return (a.r > b.r) - (a.r < b.r);
+}
+
 #define HW_CELL_CORNERS    12    // prism corners: six below (z_min), six above (z_max)
 #define HW_GRID_SIDE_MAX   65535 // columns and rows of a grid
 #define HW_CELL_LEVELS_MAX 5

@@ -126,12 +126,7 @@ double hw_cell_side(const hw_hexgrid *grid, int32_t level)
 
 static int by_id(const void *x, const void *y)
 {
-    const hw_cell_id *a = x, *b = y;
-    if (a->level != b->level)
-        return a->level < b->level ? -1 : 1;
-    if (a->q != b->q)
-        return a->q < b->q ? -1 : 1;
-    return (a->r > b->r) - (a->r < b->r);
+    return hw_cell_compare(*(const hw_cell_id *)x, *(const hw_cell_id *)y);
 }
 
 // The parents of `count` cells, each once, in order. Returns how many.

@@ -83,18 +83,20 @@ static hw_status validate_object(const char *name, const hw_manifest *m, uint32_
     return HW_OK;
 }
 
-static int compare_ids(hw_cell_id a, hw_cell_id b)
-{
-    if (a.level != b.level)
-        return a.level < b.level ? -1 : 1;
-    if (a.q != b.q)
-        return a.q < b.q ? -1 : 1;
-    return (a.r > b.r) - (a.r < b.r);
-}
-
 static int compare_cells(const void *a, const void *b)
 {
-    return compare_ids(((const hw_manifest_cell *)a)->id, ((const hw_manifest_cell *)b)->id);
+    return hw_cell_compare(((const hw_manifest_cell *)a)->id, ((const hw_manifest_cell *)b)->id);
+}
+
+bool hw_manifest_find_cell(const hw_manifest *manifest, hw_cell_id id, uint32_t *index)
+{
+    const hw_manifest_cell key = {.id = id};
+    const hw_manifest_cell *found = NULL;
+    if (manifest->cell_count > 0)
+        found = bsearch(&key, manifest->cells, manifest->cell_count, sizeof key, compare_cells);
+    if (found && index)
+        *index = (uint32_t)(found - manifest->cells);
+    return found != NULL;
 }
 
 static hw_status validate_cell(const char *name, const hw_manifest *m, uint32_t index)
@@ -104,7 +106,7 @@ static hw_status validate_cell(const char *name, const hw_manifest *m, uint32_t 
     if (!inside)
         return hw_fail(HW_FORMAT, "%s: cell %u (level %d, %d, %d) is not of the grid", name, index,
                        c->id.level, c->id.q, c->id.r);
-    if (index > 0 && compare_ids(c[-1].id, c->id) >= 0)
+    if (index > 0 && hw_cell_compare(c[-1].id, c->id) >= 0)
         return hw_fail(HW_FORMAT, "%s: cell %u is out of order", name, index);
     if (c->bytes > WHOLE_MAX)
         return hw_fail(HW_FORMAT, "%s: cell %u is too large", name, index);

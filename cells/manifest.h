@@ -40,6 +40,9 @@ typedef struct hw_manifest {
 } hw_manifest;
 
 void hw_manifest_free(hw_manifest *manifest);
+// Whether a manifest that was read (its cells are in order) has the cell; *index, which may be
+// NULL, is then its place in cells.
+bool hw_manifest_find_cell(const hw_manifest *manifest, hw_cell_id id, uint32_t *index);
 HW_MUST_USE hw_status hw_manifest_write(const char *dataset, const hw_manifest *manifest);
 // One file, validated, without the seconds of build.json: how shards keep their manifests.
 HW_MUST_USE hw_status hw_manifest_write_file(const char *path, const hw_manifest *manifest);

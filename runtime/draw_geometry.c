@@ -10,7 +10,7 @@ typedef struct geometry {
     hw_shaded_scene scene;
     uint32_t mesh_count;
     hw_shaded_mesh *meshes;
-    hw_debug_view debug;
+    const hw_debug_view *debug; // the renderer's
 } geometry;
 
 static void geometry_destroy(void *state)
@@ -33,12 +33,13 @@ static hw_status upload(geometry *g, const hw_mesh *mesh, hw_shaded_mesh *out)
 }
 
 static hw_status geometry_create(const hw_renderer_desc *desc, hw_gpu_account *account,
-                                 void **state)
+                                 const hw_debug_view *debug, void **state)
 {
     hw_status status = HW_OK;
     geometry *g = NULL;
     HW_TRY(HW_NEW(&g, 1));
     g->account = account;
+    g->debug = debug;
     HW_GO(HW_NEW(&g->meshes, desc->scene->mesh_count));
     HW_GO(hw_shaded_scene_create(account, desc->scene, &g->scene));
     g->mesh_count = desc->scene->mesh_count;
@@ -67,7 +68,7 @@ static hw_status draw_all(void *state, const hw_camera *camera, hw_frame_stats *
     hw_ground_gl_begin();
     hw_ground_gl_draw(&g->scene.ground, &matrix, stats);
     hw_gpu_pace_flush(&pass.pace);
-    hw_debug_tint(&g->debug, HW_REPRESENTATION_FULL);
+    hw_debug_tint(g->debug, HW_REPRESENTATION_FULL);
     for (uint32_t i = 0; i < g->scene.object_count; i++)
         draw_object(g, &pass, i, &matrix, stats);
     hw_shaded_end(&pass);
@@ -78,14 +79,14 @@ static hw_status draw_culled(void *state, const hw_camera *camera, hw_frame_stat
 {
     geometry *g = state;
     hw_mat4 matrix = hw_camera_view_projection(camera);
-    const hw_camera *culling = hw_debug_culling_camera(&g->debug, camera);
+    const hw_camera *culling = hw_debug_culling_camera(g->debug, camera);
     hw_mat4 culling_matrix = hw_camera_view_projection(culling);
     hw_frustum frustum = hw_frustum_make(&culling_matrix);
     hw_shaded_pass pass = {0};
     hw_ground_gl_begin();
     hw_ground_gl_draw(&g->scene.ground, &matrix, stats);
     hw_gpu_pace_flush(&pass.pace);
-    hw_debug_tint(&g->debug, HW_REPRESENTATION_FULL);
+    hw_debug_tint(g->debug, HW_REPRESENTATION_FULL);
     uint32_t count = hw_shaded_scene_visible(&g->scene, culling, &frustum);
     for (uint32_t i = 0; i < count; i++)
         draw_object(g, &pass, g->scene.order[i].index, &matrix, stats);
@@ -93,17 +94,7 @@ static hw_status draw_culled(void *state, const hw_camera *camera, hw_frame_stat
     return HW_OK;
 }
 
-static void geometry_set_debug_view(void *state, const hw_debug_view *view)
-{
-    geometry *g = state;
-    g->debug = *view;
-}
-
-const hw_renderer_backend hw_draw_all = {.create = geometry_create,
-                                         .destroy = geometry_destroy,
-                                         .draw = draw_all,
-                                         .set_debug_view = geometry_set_debug_view};
-const hw_renderer_backend hw_draw_culled = {.create = geometry_create,
-                                            .destroy = geometry_destroy,
-                                            .draw = draw_culled,
-                                            .set_debug_view = geometry_set_debug_view};
+const hw_renderer_backend hw_draw_all = {
+    .create = geometry_create, .destroy = geometry_destroy, .draw = draw_all};
+const hw_renderer_backend hw_draw_culled = {
+    .create = geometry_create, .destroy = geometry_destroy, .draw = draw_culled};

@@ -95,12 +95,14 @@ static hw_status make_loading(hybrid *h, const hw_streaming *streaming)
         h, records, records + 2 * (size_t)h->manifest.grid.levels * HW_FAR_PAGE_RECORDS);
 }
 
-static hw_status hybrid_create(const hw_renderer_desc *desc, hw_gpu_account *account, void **state)
+static hw_status hybrid_create(const hw_renderer_desc *desc, hw_gpu_account *account,
+                               const hw_debug_view *debug, void **state)
 {
     hw_status status = HW_OK;
     hybrid *h = NULL;
     HW_TRY(HW_NEW(&h, 1));
     h->account = account;
+    h->debug = debug;
     h->crossing_width = desc->crossing_width;
     h->near_triangles = desc->near_triangles ? desc->near_triangles : HW_NEAR_TRIANGLES;
     HW_GO(hw_strdup(&h->dataset, desc->dataset));
@@ -160,7 +162,7 @@ static hw_status begin_frame(hybrid *h, const hw_camera *camera, hw_frame_stats 
 {
     double start = hw_clock_ms();
     hw_store_stats before = hw_store_get_stats(h->store);
-    const hw_camera *culling = hw_debug_culling_camera(&h->debug, camera);
+    const hw_camera *culling = hw_debug_culling_camera(h->debug, camera);
     hw_mat4 culling_matrix = hw_camera_view_projection(culling);
     view->matrix = hw_camera_view_projection(camera);
     view->frustum = hw_frustum_make(&culling_matrix);
@@ -198,7 +200,7 @@ static hw_status hybrid_draw(void *state, const hw_camera *camera, hw_frame_stat
     hw_ground_gl_begin();
     hw_ground_gl_draw(&h->ground, &view.matrix, stats);
     hw_gpu_pace_flush(&h->pace);
-    hw_debug_tint(&h->debug, HW_REPRESENTATION_NEAR);
+    hw_debug_tint(h->debug, HW_REPRESENTATION_NEAR);
     hw_hybrid_draw_near(h, view.near_count, &view.cells.crossing, &view.matrix, stats);
     hw_hybrid_draw_far(h, &view.cells, camera->eye, &view.matrix, &view.frustum, stats);
     glBindVertexArray(0);
@@ -206,15 +208,8 @@ static hw_status hybrid_draw(void *state, const hw_camera *camera, hw_frame_stat
     return HW_OK;
 }
 
-static void hybrid_set_debug_view(void *state, const hw_debug_view *view)
-{
-    hybrid *h = state;
-    h->debug = *view;
-}
-
 const hw_renderer_backend hw_draw_hybrid = {.create = hybrid_create,
                                             .destroy = hybrid_destroy,
                                             .prepare = hybrid_prepare,
                                             .draw = hybrid_draw,
-                                            .set_debug_view = hybrid_set_debug_view,
                                             .advance = hybrid_advance};

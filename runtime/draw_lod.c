@@ -18,7 +18,7 @@ typedef struct lod {
     uint32_t mesh_count;
     lod_mesh *meshes;
     double error_px;
-    hw_debug_view debug;
+    const hw_debug_view *debug; // the renderer's
 } lod;
 
 static void lod_destroy(void *state)
@@ -55,7 +55,8 @@ static hw_status upload_chain(lod *l, const hw_lod_chain *chain, lod_mesh *out)
     return HW_OK;
 }
 
-static hw_status lod_create(const hw_renderer_desc *desc, hw_gpu_account *account, void **state)
+static hw_status lod_create(const hw_renderer_desc *desc, hw_gpu_account *account,
+                            const hw_debug_view *debug, void **state)
 {
     hw_status status = HW_OK;
     const hw_scene *scene = desc->scene;
@@ -63,6 +64,7 @@ static hw_status lod_create(const hw_renderer_desc *desc, hw_gpu_account *accoun
     lod *l = NULL;
     HW_TRY(HW_NEW(&l, 1));
     l->account = account;
+    l->debug = debug;
     l->error_px = desc->lod_error_px > 0 ? desc->lod_error_px : 1;
     HW_GO(HW_NEW(&l->meshes, scene->mesh_count));
     HW_GO(HW_NEW(&chains, scene->mesh_count));
@@ -88,7 +90,7 @@ static hw_status lod_draw(void *state, const hw_camera *camera, hw_frame_stats *
 {
     lod *l = state;
     hw_mat4 matrix = hw_camera_view_projection(camera);
-    const hw_camera *culling = hw_debug_culling_camera(&l->debug, camera);
+    const hw_camera *culling = hw_debug_culling_camera(l->debug, camera);
     hw_mat4 culling_matrix = hw_camera_view_projection(culling);
     hw_frustum frustum = hw_frustum_make(&culling_matrix);
     // An error e at distance d covers e * focal / d pixels.
@@ -97,7 +99,7 @@ static hw_status lod_draw(void *state, const hw_camera *camera, hw_frame_stats *
     hw_ground_gl_begin();
     hw_ground_gl_draw(&l->scene.ground, &matrix, stats);
     hw_gpu_pace_flush(&pass.pace);
-    hw_debug_tint(&l->debug, HW_REPRESENTATION_LOD);
+    hw_debug_tint(l->debug, HW_REPRESENTATION_LOD);
     uint32_t count = hw_shaded_scene_visible(&l->scene, culling, &frustum);
     for (uint32_t i = 0; i < count; i++) {
         hw_cull_item item = l->scene.order[i];
@@ -111,13 +113,5 @@ static hw_status lod_draw(void *state, const hw_camera *camera, hw_frame_stats *
     return HW_OK;
 }
 
-static void lod_set_debug_view(void *state, const hw_debug_view *view)
-{
-    lod *l = state;
-    l->debug = *view;
-}
-
-const hw_renderer_backend hw_draw_lod = {.create = lod_create,
-                                         .destroy = lod_destroy,
-                                         .draw = lod_draw,
-                                         .set_debug_view = lod_set_debug_view};
+const hw_renderer_backend hw_draw_lod = {
+    .create = lod_create, .destroy = lod_destroy, .draw = lod_draw};

@@ -26,7 +26,7 @@ static void use_cells(hybrid *h, hw_cell_gpu *const *cells)
 static hw_status need_cell(hybrid *h, hw_cell_id id, hw_cell_gpu **out)
 {
     uint32_t index;
-    if (!hw_store_find_cell(h->store, id, &index))
+    if (!hw_manifest_find_cell(&h->manifest, id, &index))
         return hw_fail(HW_FORMAT, "%s: has no cell %d/%d_%d", h->dataset, id.level, id.q, id.r);
     HW_TRY(hw_store_need(h->store, cell_key(index)));
     const hw_cell_records *records = hw_store_records(h->store, index);
@@ -47,7 +47,8 @@ static bool is_chain_ready(hybrid *h, hw_cell_id id, hw_cell_gpu *out[HW_CELL_LE
 {
     uint32_t index;
     for (int32_t l = 0; l < h->manifest.grid.levels; l++, id = hw_cell_parent(id)) {
-        out[l] = hw_store_find_cell(h->store, id, &index) ? hw_store_cell(h->store, index) : NULL;
+        out[l] =
+            hw_manifest_find_cell(&h->manifest, id, &index) ? hw_store_cell(h->store, index) : NULL;
         if (!out[l] || !hw_store_has_near(h->store, out[l]->records))
             return false;
     }
@@ -80,7 +81,7 @@ static bool has_failed(hybrid *h, hw_cell_id id)
     uint32_t index;
     bool failed = false;
     for (int32_t l = 0; l < h->manifest.grid.levels; l++, id = hw_cell_parent(id)) {
-        if (!hw_store_find_cell(h->store, id, &index))
+        if (!hw_manifest_find_cell(&h->manifest, id, &index))
             return true;
         const hw_cell_records *records = hw_store_records(h->store, index);
         failed = failed || hw_store_failed(h->store, cell_key(index));
@@ -205,10 +206,10 @@ static hw_status find_other_cells(hybrid *h, const hw_camera *camera, hw_cell_id
 {
     uint32_t index;
     out->crossing.share = 0;
-    if (h->debug.hard)
+    if (h->debug->hard)
         return HW_OK;
     hw_crossing c = hw_crossing_at(&h->manifest.grid, id, camera->eye, h->crossing_width);
-    if (c.share == 0 || !hw_store_find_cell(h->store, c.other, &index))
+    if (c.share == 0 || !hw_manifest_find_cell(&h->manifest, c.other, &index))
         return HW_OK;
     if (h->prefetch && !is_chain_ready(h, c.other, out->other)) {
         stats->stream.missing++;

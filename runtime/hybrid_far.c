@@ -162,10 +162,10 @@ void hw_hybrid_draw_far(hybrid *h, const frame_cells *cells, hw_vec3 eye, const 
     glBindBuffer(GL_UNIFORM_BUFFER, h->far_uniforms.name);
     glBufferSubData(GL_UNIFORM_BUFFER, 0, (GLsizeiptr)(far.pages * PAGE_BYTES), h->far);
     hw_far_views_frame frame = {matrix, eye, HW_FADE_NONE, &cells->crossing, &h->pace, stats};
-    hw_debug_tint(&h->debug, HW_REPRESENTATION_MVMESH);
+    hw_debug_tint(h->debug, HW_REPRESENTATION_MVMESH);
     for (uint32_t i = 0; i < far.count; i++)
         draw_views(h, &far.lists[i], &frame);
-    hw_debug_tint(&h->debug, HW_REPRESENTATION_SVMESH);
+    hw_debug_tint(h->debug, HW_REPRESENTATION_SVMESH);
     for (int cut_out = 0; cut_out < 2; cut_out++)
         for (uint32_t i = 0; i < far.count; i++)
             draw_list(h, &far.lists[i], cut_out, &cells->crossing, stats);

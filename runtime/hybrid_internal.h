@@ -59,7 +59,7 @@ typedef struct hybrid {
     uint32_t near_triangles; // budget
     hw_gpu_buffer far_uniforms;
     hw_gpu_pace pace;
-    hw_debug_view debug;
+    const hw_debug_view *debug; // the renderer's
     // Scratch for the near objects and far records of a frame's cells; capacities in items.
     size_t near_capacity, far_capacity;
     uint32_t *visible;

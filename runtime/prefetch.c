@@ -262,7 +262,7 @@ static void plan_cells(hw_prefetch *p)
         hw_cell_id id = p->candidates[i].id;
         for (int32_t l = 0; l < p->manifest->grid.levels; l++, id = hw_cell_parent(id)) {
             plan_entry e = {.key = {.kind = HW_DATA_CELL}, .priority = p->candidates[i].priority};
-            if (!hw_store_find_cell(p->store, id, &e.key.index))
+            if (!hw_manifest_find_cell(p->manifest, id, &e.key.index))
                 continue;
             e.gpu_bytes = hw_store_cell_gpu_bytes(p->store, e.key.index);
             plan(p->cells, &p->cell_count, PLAN_CELLS_MAX, &e);
@@ -338,7 +338,7 @@ static void plan_near(hw_prefetch *p, double focal_px)
     p->near_count = 0;
     for (uint32_t i = 0; i < p->candidate_count; i++) {
         const candidate *c = &p->candidates[i];
-        if (!hw_store_find_cell(p->store, c->id, &index))
+        if (!hw_manifest_find_cell(p->manifest, c->id, &index))
             continue;
         const hw_cell_records *records = hw_store_records(p->store, index);
         for (uint32_t k = 0; records && k < records->near_count; k++) {
@@ -393,11 +393,6 @@ void hw_prefetch_set_error(hw_prefetch *prefetch, double error_px)
 void hw_prefetch_urge(hw_prefetch *prefetch, hw_data_key key)
 {
     hw_store_want(prefetch->store, key, (double)prefetch->timestamp + PRIORITY_LACK, HW_PLACE_GPU);
-}
-
-uint64_t hw_prefetch_timestamp(const hw_prefetch *prefetch)
-{
-    return prefetch->timestamp;
 }
 
 // ---- making and freeing ----------------------------------------------------------------------

@@ -42,7 +42,6 @@ void hw_prefetch_update(hw_prefetch *prefetch, const hw_camera *camera, double n
 void hw_prefetch_set_error(hw_prefetch *prefetch, double error_px);
 // Wishes for what a frame lacks, before all else.
 void hw_prefetch_urge(hw_prefetch *prefetch, hw_data_key key);
-uint64_t hw_prefetch_timestamp(const hw_prefetch *prefetch);
 
 // The coarsest level whose surface error at this distance is at most the dataset's tolerance.
 uint32_t hw_prefetch_level(const hw_mesh_table *table, double near_error_px, double focal_px,

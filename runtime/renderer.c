@@ -33,7 +33,7 @@ hw_status hw_renderer_create(const hw_renderer_desc *desc, hw_renderer **out)
     }
     HW_TRY(HW_NEW(&renderer, 1));
     renderer->backend = configs[desc->config].backend;
-    hw_status status = renderer->backend->create(desc, &renderer->account, &renderer->state);
+    hw_status status = renderer->backend->create(desc, &renderer->account, &renderer->debug, &renderer->state);
     if (status != HW_OK) {
         hw_free(renderer);
         return status;
@@ -76,7 +76,6 @@ hw_status hw_renderer_draw(hw_renderer *renderer, const hw_camera *camera, hw_fr
 void hw_renderer_set_debug_view(hw_renderer *renderer, const hw_debug_view *view)
 {
     renderer->debug = *view;
-    renderer->backend->set_debug_view(renderer->state, view);
 }
 
 void hw_renderer_advance(hw_renderer *renderer, double dt_s)

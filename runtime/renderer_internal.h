@@ -4,14 +4,15 @@
 #include "renderer.h"
 
 typedef struct hw_renderer_backend {
-    // Puts the configuration's own state into *state; on failure nothing is left behind.
-    hw_status (*create)(const hw_renderer_desc *desc, hw_gpu_account *account, void **state);
+    // Puts the configuration's own state into *state; on failure nothing is left behind. The debug
+    // view, for hw_debug_tint and hw_debug_culling_camera, stays where it is and may change between
+    // frames.
+    hw_status (*create)(const hw_renderer_desc *desc, hw_gpu_account *account,
+                        const hw_debug_view *debug, void **state);
     void (*destroy)(void *state);
     // As in renderer.h; *stats comes zeroed. prepare may be NULL.
     hw_status (*prepare)(void *state, const hw_camera *camera, hw_frame_stats *stats);
     hw_status (*draw)(void *state, const hw_camera *camera, hw_frame_stats *stats);
-    // The backend keeps a copy, for hw_debug_tint and hw_debug_culling_camera.
-    void (*set_debug_view)(void *state, const hw_debug_view *view);
     void (*advance)(void *state, double dt_s); // may be NULL
 } hw_renderer_backend;
 

@@ -67,33 +67,6 @@ static hw_item *find_item(hw_store *s, hw_data_key key)
     }
 }
 
-static int compare_ids(hw_cell_id a, hw_cell_id b)
-{
-    if (a.level != b.level)
-        return a.level < b.level ? -1 : 1;
-    if (a.q != b.q)
-        return a.q < b.q ? -1 : 1;
-    return (a.r > b.r) - (a.r < b.r);
-}
-
-bool hw_store_find_cell(const hw_store *store, hw_cell_id id, uint32_t *index)
-{
-    uint32_t low = 0, high = store->manifest->cell_count;
-    while (low < high) {
-        uint32_t middle = low + (high - low) / 2;
-        int order = compare_ids(store->manifest->cells[middle].id, id);
-        if (order == 0) {
-            *index = middle;
-            return true;
-        }
-        if (order < 0)
-            low = middle + 1;
-        else
-            high = middle;
-    }
-    return false;
-}
-
 static void activate(hw_store *s, hw_item *item, hw_loaded *loaded)
 {
     item->loaded = loaded;
@@ -424,11 +397,6 @@ void hw_store_begin_frame(hw_store *store, double now_s, bool hurry)
     keep_ram_budget(store);
 }
 
-uint64_t hw_store_frame(const hw_store *store)
-{
-    return store->frame;
-}
-
 void hw_store_simulate(hw_store *store, double now_s)
 {
     hw_loader_run(store->loader, now_s);
@@ -514,7 +482,7 @@ hw_cell_gpu *hw_store_ready_cell(hw_store *store, uint32_t number)
 {
     uint32_t index;
     if (number >= HW_STORE_CELLS_MAX || !store->pool_used[number] ||
-        !hw_store_find_cell(store, store->pool[number].id, &index))
+        !hw_manifest_find_cell(store->manifest, store->pool[number].id, &index))
         return NULL;
     return hw_store_cell(store, index);
 }
@@ -549,7 +517,7 @@ void hw_store_use_cell(hw_store *store, hw_cell_gpu *cell)
 {
     uint32_t index;
     cell->used = store->frame;
-    if (hw_store_find_cell(store, cell->id, &index))
+    if (hw_manifest_find_cell(store->manifest, cell->id, &index))
         store->cells[index].used = store->frame;
 }
 

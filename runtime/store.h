@@ -30,7 +30,6 @@ void hw_store_destroy(hw_store *store);
 // Begins a frame at the time now_s (seconds): takes what the loader has ready and uploads a
 // frame's share of it (all of it with `hurry`).
 void hw_store_begin_frame(hw_store *store, double now_s, bool hurry);
-uint64_t hw_store_frame(const hw_store *store); // its number, from 1
 // Simulated time: the loader works up to now_s.
 void hw_store_simulate(hw_store *store, double now_s);
 
@@ -49,8 +48,6 @@ HW_MUST_USE hw_status hw_store_need(hw_store *store, hw_data_key key);
 // Whether the last attempt to load the piece failed.
 bool hw_store_failed(hw_store *store, hw_data_key key);
 
-// Index of a cell among the manifest's; false: it has none.
-bool hw_store_find_cell(const hw_store *store, hw_cell_id id, uint32_t *index);
 // A cell that is ready, else NULL; and the records of one that is at least in memory.
 hw_cell_gpu *hw_store_cell(hw_store *store, uint32_t index);
 const hw_cell_records *hw_store_records(const hw_store *store, uint32_t index);

@@ -9,14 +9,6 @@ void hw_upload_add(hw_upload *upload, hw_upload_part part)
         upload->parts[upload->part_count++] = part;
 }
 
-uint64_t hw_upload_left(const hw_upload *upload)
-{
-    uint64_t left = 0;
-    for (uint32_t i = upload->part; i < upload->part_count; i++)
-        left += upload->parts[i].bytes;
-    return left - upload->done;
-}
-
 // GL_COPY_WRITE_BUFFER: no binding that anything draws with.
 static void send_bytes(const hw_upload_part *p, uint64_t offset, uint64_t bytes)
 {

@@ -31,8 +31,6 @@ typedef struct hw_upload {
 
 // Parts of 0 bytes are left out.
 void hw_upload_add(hw_upload *upload, hw_upload_part part);
-// Bytes that have yet to go.
-uint64_t hw_upload_left(const hw_upload *upload);
 // Sends at most *budget_bytes and takes them off it. The smallest piece of a texture is a row of
 // pixels or blocks: HW_UPLOAD_BUDGET_MIN suffices for any atlas. True once all is there.
 #define HW_UPLOAD_BUDGET_MIN (HW_UPLOAD_WIDTH_MAX * 16u)

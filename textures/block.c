@@ -67,25 +67,15 @@ static void block_palette(const uint8_t *block, uint8_t palette[4][3])
     }
 }
 
-// Four rows of four pixels of RGBA, alpha 255; the rows are `pitch` bytes apart.
+// The colours of four rows of four pixels of RGBA; the rows are `pitch` bytes apart.
 static void decode_colors(const uint8_t *block, size_t pitch, uint8_t *rgba)
 {
     uint8_t palette[4][3];
     block_palette(block, palette);
     for (uint32_t i = 0; i < 16; i++) {
         uint32_t code = block[4 + i / 4] >> (i % 4 * 2) & 3;
-        uint8_t *p = rgba + i / 4 * pitch + (size_t)(i % 4) * 4;
-        memcpy(p, palette[code], 3);
-        p[3] = 255;
+        memcpy(rgba + i / 4 * pitch + (size_t)(i % 4) * 4, palette[code], 3);
     }
-}
-
-void hw_bc1_decode(const uint8_t *blocks, uint32_t width, uint32_t height, uint8_t *rgba)
-{
-    assert(width % 4 == 0 && height % 4 == 0);
-    for (uint32_t y = 0; y < height; y += 4)
-        for (uint32_t x = 0; x < width; x += 4, blocks += BLOCK_BYTES)
-            decode_colors(blocks, (size_t)width * 4, rgba + ((size_t)y * width + x) * 4);
 }
 
 void hw_bc4_encode(const hw_image *image, uint32_t channel, uint8_t *out)
@@ -116,8 +106,8 @@ static void block_values(const uint8_t *block, uint8_t values[8])
         values[k + 1] = (uint8_t)((v0 * (steps - k) + v1 * k + steps / 2) / steps);
 }
 
-// Four rows of four values, `stride` bytes apart, the rows `pitch` bytes.
-static void decode_values(const uint8_t *block, size_t stride, size_t pitch, uint8_t *out)
+// The alpha of the same.
+static void decode_values(const uint8_t *block, size_t pitch, uint8_t *rgba)
 {
     uint8_t values[8];
     uint64_t codes = 0;
@@ -125,17 +115,7 @@ static void decode_values(const uint8_t *block, size_t stride, size_t pitch, uin
     for (uint32_t i = 0; i < 6; i++)
         codes |= (uint64_t)block[2 + i] << (8 * i);
     for (uint32_t i = 0; i < 16; i++, codes >>= 3)
-        out[i / 4 * pitch + i % 4 * stride] = values[codes & 7];
-}
-
-void hw_bc4_decode(const uint8_t *blocks, uint32_t width, uint32_t height, uint32_t stride,
-                   uint8_t *out)
-{
-    assert(width % 4 == 0 && height % 4 == 0);
-    for (uint32_t y = 0; y < height; y += 4)
-        for (uint32_t x = 0; x < width; x += 4, blocks += BLOCK_BYTES)
-            decode_values(blocks, stride, (size_t)width * stride,
-                          out + ((size_t)y * width + x) * stride);
+        rgba[i / 4 * pitch + (size_t)(i % 4) * 4 + 3] = values[codes & 7];
 }
 
 size_t hw_bc3_bytes(uint32_t width, uint32_t height)
@@ -159,6 +139,6 @@ void hw_bc3_decode(const uint8_t *blocks, uint32_t width, uint32_t height, uint8
         for (uint32_t x = 0; x < width; x += 4, blocks += 2 * BLOCK_BYTES) {
             uint8_t *out = rgba + y * pitch + (size_t)x * 4;
             decode_colors(blocks + BLOCK_BYTES, pitch, out);
-            decode_values(blocks, 4, pitch, out + 3);
+            decode_values(blocks, pitch, out);
         }
 }

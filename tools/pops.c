@@ -22,28 +22,19 @@ void hw_pops_free(hw_pops *pops)
 
 // ---- Crossings
 
-// Whether the dataset has the cell; it may have been built along another tour.
-static bool has_cell(const hw_manifest *manifest, hw_cell_id id)
-{
-    for (uint32_t i = 0; i < manifest->cell_count; i++) {
-        hw_cell_id own = manifest->cells[i].id;
-        if (own.level == id.level && own.q == id.q && own.r == id.r)
-            return true;
-    }
-    return false;
-}
-
 static hw_cell_id cell_at(const hw_manifest *manifest, hw_vec3 eye)
 {
     return hw_hexgrid_locate(&manifest->grid, (double)eye.x, (double)eye.y);
 }
 
-// Whether the tour changes cells between frame i and i + 1, and both are there.
+// Whether the tour changes cells between frame i and i + 1, and both are there: the dataset may
+// have been built along another tour.
 static bool crosses(const hw_manifest *manifest, const hw_tour *tour, uint32_t i)
 {
     hw_cell_id from = cell_at(manifest, tour->frames[i].eye);
     hw_cell_id to = cell_at(manifest, tour->frames[i + 1].eye);
-    return (from.q != to.q || from.r != to.r) && has_cell(manifest, from) && has_cell(manifest, to);
+    return (from.q != to.q || from.r != to.r) && hw_manifest_find_cell(manifest, from, NULL) &&
+           hw_manifest_find_cell(manifest, to, NULL);
 }
 
 hw_status hw_pops_find(const hw_manifest *manifest, const hw_tour *tour, hw_pops *out)
@@ -135,7 +126,8 @@ static hw_status see_soft_jump(observer *o, uint32_t frame, double *out)
         hw_cell_id id = cell_at(o->desc->manifest, tour->frames[i].eye);
         hw_cell_id next = cell_at(o->desc->manifest, tour->frames[i + 1].eye);
         double jump;
-        if (!has_cell(o->desc->manifest, id) || !has_cell(o->desc->manifest, next))
+        if (!hw_manifest_find_cell(o->desc->manifest, id, NULL) ||
+            !hw_manifest_find_cell(o->desc->manifest, next, NULL))
             continue;
         HW_TRY(see_jump(o, i, false, &jump));
         *out = fmax(*out, jump);
@@ -218,11 +210,11 @@ static hw_status measure_cost(const hw_pops_desc *d, hw_pops *pops)
     for (uint32_t i = 0; i < d->tour->frame_count; i += step) {
         hw_camera camera = camera_of(d, i);
         hw_cell_id id = cell_at(d->manifest, camera.eye);
-        if (!has_cell(d->manifest, id))
+        if (!hw_manifest_find_cell(d->manifest, id, NULL))
             continue;
         looks++;
         hw_crossing c = hw_crossing_at(&d->manifest->grid, id, camera.eye, HW_CROSSING_WIDTH);
-        if (c.share == 0 || !has_cell(d->manifest, c.other))
+        if (c.share == 0 || !hw_manifest_find_cell(d->manifest, c.other, NULL))
             continue;
         inside++;
         for (int round = 0; round < COST_ROUNDS; round++) {
