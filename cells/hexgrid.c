@@ -152,21 +152,13 @@ void hw_cell_neighbours(hw_cell_id id, hw_cell_id out[6])
         out[i] = (hw_cell_id){id.level, id.q + dq[i], id.r + dr[i]};
 }
 
-double hw_cell_border(const hw_hexgrid *grid, hw_cell_id id, double x, double y,
-                      hw_cell_id *neighbour)
+double hw_cell_depth(const hw_hexgrid *grid, hw_cell_id id, double x, double y)
 {
-    hw_cell_id around[6];
-    hw_cell_neighbours(id, around);
-    hw_vec3 centre = hw_cell_centre(grid, id);
-    double least = (double)INFINITY, dx = x - (double)centre.x, dy = y - (double)centre.y;
-    for (int i = 0; i < 6; i++) {
-        double distance = HALF_SQRT_3 * grid->cell_size - (dx * face_x[i] + dy * face_y[i]);
-        if (distance >= least || !hw_hexgrid_contains(grid, around[i]))
-            continue;
-        least = distance;
-        *neighbour = around[i];
-    }
-    return fmax(least, 0);
+    double centre[2], farthest = 0;
+    hw_cell_centre_2d(grid, id, centre);
+    for (int i = 0; i < 6; i++)
+        farthest = fmax(farthest, (x - centre[0]) * face_x[i] + (y - centre[1]) * face_y[i]);
+    return HALF_SQRT_3 * grid->cell_size - farthest;
 }
 
 void hw_face_basis(int face, hw_vec3 *axis, hw_vec3 *right, hw_vec3 *up)

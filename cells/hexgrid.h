@@ -58,10 +58,9 @@ hw_cell_id hw_hexgrid_locate(const hw_hexgrid *grid, double x, double y);
 // The six neighbours of a cell of level 0 (may lie outside the grid), in the order of the faces:
 // face i lies between corners i and i + 1.
 void hw_cell_neighbours(hw_cell_id id, hw_cell_id out[6]);
-// How far (x, y) inside a cell of level 0 is from the nearest border that it shares with another
-// cell of the grid, and which cell that is. INFINITY if there is no other.
-double hw_cell_border(const hw_hexgrid *grid, hw_cell_id id, double x, double y,
-                      hw_cell_id *neighbour);
+// How far (x, y) lies inside a cell of level 0: from the nearest of the lines through its sides,
+// below 0 outside.
+double hw_cell_depth(const hw_hexgrid *grid, hw_cell_id id, double x, double y);
 // Window basis of face i (of six): `axis` points horizontally from the centre through the middle of
 // the face, right x up = -axis looking out along axis. All unit length.
 void hw_face_basis(int face, hw_vec3 *axis, hw_vec3 *right, hw_vec3 *up);

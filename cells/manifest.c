@@ -225,6 +225,7 @@ static cJSON *to_json(const hw_manifest *m)
     add_whole(json, "mesh_bytes", m->mesh_bytes);
     add_whole(json, "texture_bytes", m->texture_bytes);
     add_whole(json, "near_bytes", m->near_bytes);
+    cJSON_AddBoolToObject(json, "clusters", m->clusters);
     add_grid(json, &m->grid);
     add_ground(json, &m->ground);
     add_whole(json, "mesh_count", m->mesh_count);
@@ -388,6 +389,15 @@ static hw_status get_shard(const char *name, const cJSON *json, hw_manifest *out
     return hw_json_number(name, json, "seconds", &out->build_seconds);
 }
 
+// Older manifests do not tell.
+static hw_status get_clusters(const char *name, const cJSON *json, hw_manifest *out)
+{
+    out->clusters = true;
+    return cJSON_HasObjectItem(json, "clusters")
+               ? hw_json_bool(name, json, "clusters", &out->clusters)
+               : HW_OK;
+}
+
 static hw_status get_head(const char *name, const cJSON *json, hw_manifest *out)
 {
     int64_t version;
@@ -407,6 +417,7 @@ static hw_status get_head(const char *name, const cJSON *json, hw_manifest *out)
     HW_TRY(get_whole(name, json, "mesh_bytes", &out->mesh_bytes));
     HW_TRY(get_whole(name, json, "texture_bytes", &out->texture_bytes));
     HW_TRY(get_whole(name, json, "near_bytes", &out->near_bytes));
+    HW_TRY(get_clusters(name, json, out));
     HW_TRY(get_u32(name, json, "mesh_count", &out->mesh_count));
     return get_u32(name, json, "texture_count", &out->texture_count);
 }

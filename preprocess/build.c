@@ -617,6 +617,7 @@ static hw_status write_manifest(build *b, double start_ms)
     HW_GO(hw_strdup(&m.policy, o->far.policy->name));
     m.scene_hash = b->scene_hash;
     m.key = b->key;
+    m.clusters = o->clusters;
     m.scene_triangles = hw_scene_triangle_count(&b->scene);
     m.self_occlusion_px = o->far.self_occlusion_px;
     m.edge_length_px = o->far.edge_length_px;

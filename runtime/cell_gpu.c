@@ -63,6 +63,7 @@ static hw_far_draw make_draw(const hw_cell *cell, const hw_far_record *record, u
                          .texture = {(float)record->rect.x / width, (float)record->rect.y / height,
                                      (float)record->rect.width / width / 65535.0f,
                                      (float)record->rect.height / height / 65535.0f},
+                         .object_idx = record->object_idx,
                          .first_index = first_index,
                          .index_count = record->index_count,
                          .middle = hw_box_centre(record->bounds)};

@@ -7,14 +7,15 @@
 #include "manifest.h"
 #include "upload.h"
 
-// Far records whose matrices fit into one uniform block (GL promises 16 KiB).
-#define HW_FAR_PAGE_RECORDS 192u
+// Far records whose matrices fit into one uniform block (GL promises 16 KiB), and whose
+// uniforms begin at multiples of 256 bytes.
+#define HW_FAR_PAGE_RECORDS 168u
 
 // A far record, in drawing order.
 typedef struct hw_far_draw {
     hw_mat4 matrix;   // world <- image space
     float texture[4]; // uv = texture.xy + (x, y) * texture.zw
-    uint32_t first_index, index_count;
+    uint32_t object_idx, first_index, index_count;
     // Of MVMeshes: captures, its own first; ranges of its indices; where the object's middle is.
     uint32_t first_view, view_count, first_range, range_count;
     hw_vec3 middle;

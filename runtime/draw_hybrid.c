@@ -24,6 +24,7 @@ static void hybrid_destroy(void *state)
             glDeleteProgram(h->far_programs[i][phase].name);
         }
     hw_free(h->visible);
+    hw_free(h->dissolving);
     hw_free(h->order);
     hw_free(h->order_scratch);
     hw_free(h->near);
@@ -58,6 +59,7 @@ hw_status hw_hybrid_reserve_scratch(hybrid *h, size_t near, size_t far)
     }
     if (far > h->far_capacity) {
         HW_TRY(HW_RESIZE(&h->far, far));
+        HW_TRY(HW_RESIZE(&h->dissolving, far));
         hw_gpu_buffer_destroy(h->account, &h->far_uniforms);
         HW_TRY(hw_gpu_buffer_create(h->account, GL_UNIFORM_BUFFER, NULL, far * sizeof *h->far,
                                     GL_STREAM_DRAW, &h->far_uniforms));
@@ -87,12 +89,13 @@ static hw_status make_loading(hybrid *h, const hw_streaming *streaming)
     HW_TRY(hw_store_create(&desc, &h->store));
     if (loading == HW_LOADING_AHEAD || loading == HW_LOADING_SIMULATED)
         HW_TRY(hw_prefetch_create(h->store, &h->manifest, h->stretch, &h->prefetch));
-    // Of most datasets' cells none has more records than there are objects; two cells are drawn
-    // while one dissolves into the other.
+    // Of most datasets' cells none has more records than there are objects; three are drawn
+    // where they dissolve into each other.
     size_t records = h->manifest.object_count;
-    records = 2 * (records < SCRATCH_RECORDS_MAX ? records : SCRATCH_RECORDS_MAX);
-    return hw_hybrid_reserve_scratch(
-        h, records, records + 2 * (size_t)h->manifest.grid.levels * HW_FAR_PAGE_RECORDS);
+    records = HW_CROSSING_CELLS * (records < SCRATCH_RECORDS_MAX ? records : SCRATCH_RECORDS_MAX);
+    return hw_hybrid_reserve_scratch(h, records,
+                                     records + HW_CROSSING_CELLS * (size_t)h->manifest.grid.levels *
+                                                   HW_FAR_PAGE_RECORDS);
 }
 
 static hw_status hybrid_create(const hw_renderer_desc *desc, hw_gpu_account *account,
@@ -107,6 +110,9 @@ static hw_status hybrid_create(const hw_renderer_desc *desc, hw_gpu_account *acc
     h->near_triangles = desc->near_triangles ? desc->near_triangles : HW_NEAR_TRIANGLES;
     HW_GO(hw_strdup(&h->dataset, desc->dataset));
     HW_GO(hw_manifest_open(h->dataset, &h->manifest));
+    // Which objects a cluster holds is not known, and they may be alone in the next cell: nothing
+    // is lost between the two only if all dissolve together.
+    h->turns = h->manifest.clusters ? 1 : HW_CROSSING_TURNS;
     HW_GO(HW_NEW(&h->objects, h->manifest.object_count));
     HW_GO(HW_NEW(&h->stretch, h->manifest.object_count));
     hw_box bounds = hw_box_empty();
@@ -201,7 +207,7 @@ static hw_status hybrid_draw(void *state, const hw_camera *camera, hw_frame_stat
     hw_ground_gl_draw(&h->ground, &view.matrix, stats);
     hw_gpu_pace_flush(&h->pace);
     hw_debug_tint(h->debug, HW_REPRESENTATION_NEAR);
-    hw_hybrid_draw_near(h, view.near_count, &view.cells.crossing, &view.matrix, stats);
+    hw_hybrid_draw_near(h, view.near_count, &view.matrix, stats);
     hw_hybrid_draw_far(h, &view.cells, camera->eye, &view.matrix, &view.frustum, stats);
     glBindVertexArray(0);
     stats->triangles += stats->near_triangles + stats->far_triangles;

@@ -89,6 +89,7 @@ typedef struct drawing {
     const hw_far_views_gl *gl;
     const hw_far_views_frame *frame;
     const hw_far_view_draw *views;
+    hw_kept kept;
     float clip[16];
 } drawing;
 
@@ -98,11 +99,9 @@ static void draw_indices(const drawing *d, choice c, uint32_t first, uint32_t co
     const hw_far_views_program *phases = colored            ? d->gl->colored
                                          : c.second == NONE ? d->gl->single
                                                             : d->gl->blended;
-    const hw_far_views_program *program = &phases[hw_fade_phase(d->frame->fade)];
-    float kept[2];
-    hw_fade_range(d->frame->fade, d->frame->crossing, kept);
+    const hw_far_views_program *program = &phases[hw_kept_phase(d->kept)];
     glUseProgram(program->name);
-    glUniform2fv(program->kept, 1, kept);
+    glUniform2f(program->kept, d->kept.first, d->kept.end);
     glUniformMatrix4fv(program->clip, 1, GL_FALSE, d->clip);
     if (c.first != NONE)
         glUniformMatrix4fv(program->first, 1, GL_FALSE, d->views[c.first].texture);
@@ -122,10 +121,11 @@ static void draw_indices(const drawing *d, choice c, uint32_t first, uint32_t co
 }
 
 void hw_far_views_gl_draw(const hw_far_views_gl *gl, const hw_far_views_frame *frame,
-                          const hw_cell_gpu *cell, uint32_t index)
+                          const hw_cell_gpu *cell, uint32_t index, hw_kept kept)
 {
     const hw_far_draw *far = &cell->records->far[index];
-    drawing d = {.gl = gl, .frame = frame, .views = cell->records->views + far->first_view};
+    drawing d = {
+        .gl = gl, .frame = frame, .views = cell->records->views + far->first_view, .kept = kept};
     float angles[HW_FAR_VIEWS_MAX];
     hw_mat4 product = hw_mat4_mul(*frame->matrix, far->matrix);
     hw_mat4_to_float(&product, d.clip);

@@ -22,11 +22,10 @@ void hw_far_views_gl_destroy(hw_far_views_gl *gl);
 typedef struct hw_far_views_frame {
     const hw_mat4 *matrix; // clip <- world
     hw_vec3 eye;
-    hw_fade fade; // of this and the following draws
-    const hw_crossing *crossing;
     hw_gpu_pace *pace;
     hw_frame_stats *stats;
 } hw_far_views_frame;
-// Draws cell->records->far[index], an MVMesh. The cell's atlas and vertex array are bound already.
+// Draws some of the pixels of cell->records->far[index], an MVMesh. The cell's atlas and vertex
+// array are bound already.
 void hw_far_views_gl_draw(const hw_far_views_gl *gl, const hw_far_views_frame *frame,
-                          const hw_cell_gpu *cell, uint32_t index);
+                          const hw_cell_gpu *cell, uint32_t index, hw_kept kept);

@@ -177,8 +177,8 @@ static hw_status need_chain(hybrid *h, hw_cell_id id, hw_cell_gpu *out[HW_CELL_L
     return HW_OK;
 }
 
-// The viewer's cell of each level; with prefetching, the best there is.
-static hw_status find_own_cells(hybrid *h, const hw_camera *camera, hw_cell_id id,
+// The chain of the viewer's cell; with prefetching, the best there is.
+static hw_status find_own_chain(hybrid *h, const hw_camera *camera, hw_cell_id id,
                                 hw_frame_stats *stats, hw_cell_gpu *out[HW_CELL_LEVELS_MAX])
 {
     stats->cell_q = id.q;
@@ -199,26 +199,41 @@ static hw_status find_own_cells(hybrid *h, const hw_camera *camera, hw_cell_id i
     return HW_OK;
 }
 
-// The cells beyond a border that the viewer is close to, if the dataset has them; with prefetching,
-// if they are there already.
-static hw_status find_other_cells(hybrid *h, const hw_camera *camera, hw_cell_id id,
-                                  hw_frame_stats *stats, frame_cells *out)
+// The chain of another cell, if the dataset has it; with prefetching, if it is there already.
+static hw_status find_other_chain(hybrid *h, hw_cell_id id, hw_frame_stats *stats,
+                                  hw_cell_gpu *out[HW_CELL_LEVELS_MAX], bool *found)
 {
-    uint32_t index;
-    out->crossing.share = 0;
-    if (h->debug->hard)
+    *found = hw_manifest_find_cell(&h->manifest, id, NULL);
+    if (!*found)
         return HW_OK;
-    hw_crossing c = hw_crossing_at(&h->manifest.grid, id, camera->eye, h->crossing_width);
-    if (c.share == 0 || !hw_manifest_find_cell(&h->manifest, c.other, &index))
-        return HW_OK;
-    if (h->prefetch && !is_chain_ready(h, c.other, out->other)) {
+    if (!h->prefetch) {
+        HW_TRY(need_chain(h, id, out));
+    } else if (!is_chain_ready(h, id, out)) {
+        *found = false;
         stats->stream.missing++;
         return HW_OK;
     }
-    if (!h->prefetch)
-        HW_TRY(need_chain(h, c.other, out->other));
-    use_cells(h, out->other);
-    out->crossing = c;
+    use_cells(h, out);
+    return HW_OK;
+}
+
+// The cells of the crossing that can be drawn, with their chains.
+static hw_status find_chains(hybrid *h, hw_cell_id own,
+                             hw_cell_gpu *const own_chain[HW_CELL_LEVELS_MAX],
+                             hw_frame_stats *stats, frame_cells *out)
+{
+    hw_crossing *c = &out->crossing;
+    for (uint32_t i = 0; i < c->count;) {
+        bool found = hw_cell_compare(c->cells[i], own) == 0;
+        if (found)
+            memcpy(out->chains[i], own_chain, sizeof out->chains[i]);
+        else
+            HW_TRY(find_other_chain(h, c->cells[i], stats, out->chains[i], &found));
+        if (found)
+            i++;
+        else
+            hw_crossing_remove(c, i);
+    }
     return HW_OK;
 }
 
@@ -226,16 +241,18 @@ hw_status hw_hybrid_find_cells(hybrid *h, const hw_camera *camera, hw_frame_stat
                                frame_cells *out)
 {
     hw_cell_id id = hw_hexgrid_locate(&h->manifest.grid, camera->eye.x, camera->eye.y);
-    HW_TRY(find_own_cells(h, camera, id, stats, out->own));
-    out->crossing.share = 0;
-    if (!stats->stream.late_cells)
-        HW_TRY(find_other_cells(h, camera, id, stats, out));
+    hw_cell_gpu *own[HW_CELL_LEVELS_MAX];
+    HW_TRY(find_own_chain(h, camera, id, stats, own));
+    out->crossing = hw_crossing_none(id);
+    if (!stats->stream.late_cells && !h->debug->hard)
+        out->crossing = hw_crossing_at(&h->manifest.grid, id, camera->eye, h->crossing_width);
+    HW_TRY(find_chains(h, id, own, stats, out));
     size_t near = 0, far = 0;
-    hw_cell_gpu *const *chains[2] = {out->own, out->crossing.share > 0 ? out->other : NULL};
-    for (int i = 0; i < 2 && chains[i]; i++) {
-        near += chains[i][0]->records->near_count;
+    for (uint32_t i = 0; i < out->crossing.count; i++) {
+        near += out->chains[i][0]->records->near_count;
         for (int32_t l = 0; l < h->manifest.grid.levels; l++)
-            far += hw_hybrid_page_count(chains[i][l]->records->far_count) * HW_FAR_PAGE_RECORDS;
+            far +=
+                hw_hybrid_page_count(out->chains[i][l]->records->far_count) * HW_FAR_PAGE_RECORDS;
     }
     return hw_hybrid_reserve_scratch(h, near, far);
 }

@@ -4,7 +4,7 @@
 #include "shaders.h"
 #include <string.h>
 
-#define RANGE_INDICES 30000u // of one draw call, whole triangles
+#define BATCH_INDICES 30000u // of one draw call, whole triangles
 
 #define STRINGIZE(x) #x
 #define VALUE(x)     STRINGIZE(x)
@@ -15,7 +15,6 @@ static hw_status make_far_program(const char *defines, far_program *out)
 {
     HW_TRY(hw_gpu_program("far", defines, hw_shader_far_vert, hw_shader_far_frag, &out->name));
     out->first_record = glGetUniformLocation(out->name, "u_first_record");
-    out->kept = glGetUniformLocation(out->name, "u_kept");
     GLuint block = glGetUniformBlockIndex(out->name, "FarRecords");
     glUniformBlockBinding(out->name, block, 0);
     return hw_gpu_check("far program");
@@ -32,141 +31,191 @@ hw_status hw_hybrid_make_far(hybrid *h)
     return hw_far_views_gl_create(&h->far_views);
 }
 
-// Contiguous visible records as one range of indices, in pieces that suit the pace.
-static void draw_range(hybrid *h, const hw_cell_gpu *cell, uint32_t first, uint32_t end,
-                       hw_frame_stats *stats)
+// Ranges of indices of one vertex array that go into one call.
+#define BATCH_RANGES 256u
+typedef struct batch {
+    uint32_t count, indices;
+    GLsizei counts[BATCH_RANGES];
+    const void *offsets[BATCH_RANGES];
+} batch;
+
+static void flush(hybrid *h, batch *b, hw_frame_stats *stats)
 {
-    const hw_far_draw *far = cell->records->far;
-    uint32_t index = far[first].first_index;
-    uint32_t index_end = far[end - 1].first_index + far[end - 1].index_count;
-    stats->far_triangles += (index_end - index) / 3;
+    if (b->count == 0)
+        return;
+    glMultiDrawElements(GL_TRIANGLES, b->counts, GL_UNSIGNED_INT, b->offsets, (GLsizei)b->count);
+    stats->draws++;
+    stats->far_triangles += b->indices / 3;
+    hw_gpu_pace_add(&h->pace, b->indices / 3);
+    b->count = b->indices = 0;
+}
+
+// Contiguous records as one range of indices, in pieces that suit the pace.
+static void add_range(hybrid *h, batch *b, const hw_far_draw *first, const hw_far_draw *last,
+                      hw_frame_stats *stats)
+{
+    uint32_t index = first->first_index, index_end = last->first_index + last->index_count;
     while (index < index_end) {
-        uint32_t left = index_end - index, count = left < RANGE_INDICES ? left : RANGE_INDICES;
-        glDrawElements(GL_TRIANGLES, (GLsizei)count, GL_UNSIGNED_INT,
-                       hw_gpu_offset((size_t)index * sizeof(uint32_t)));
-        stats->draws++;
-        hw_gpu_pace_add(&h->pace, count / 3);
+        uint32_t left = index_end - index, room = BATCH_INDICES - b->indices;
+        uint32_t count = left < room ? left : room;
+        b->counts[b->count] = (GLsizei)count;
+        b->offsets[b->count++] = hw_gpu_offset((size_t)index * sizeof(uint32_t));
+        b->indices += count;
         index += count;
+        if (b->count == BATCH_RANGES || b->indices == BATCH_INDICES)
+            flush(h, b, stats);
     }
 }
 
-// Visible records of one cell. Its uniforms start at a page of the frame's, its entries of
-// h->visible, rising, at first_visible.
+// Records of a cell that are drawn by the same programs, rising.
+typedef struct far_part {
+    uint32_t *records;
+    uint32_t count, multi_count, opaque_count; // of them, as in hw_cell_records
+} far_part;
+
+// Visible records of one cell. Its uniforms start at a page of the frame's.
 typedef struct far_list {
     const hw_cell_gpu *cell;
-    uint32_t first_page, first_visible, count;
-    uint32_t multi_count, opaque_count; // of the visible ones, as in hw_cell_records
-    hw_fade fade;
+    uint32_t first_page;
+    far_part parts[HW_PHASES];
 } far_list;
 
-// Draws the visible records [begin, end) of the list, all of one page.
-static void draw_page(hybrid *h, const far_program *program, const far_list *list, uint32_t begin,
-                      uint32_t end, hw_frame_stats *stats)
+// Draws the records [begin, end) of the part, all of one page.
+static void draw_page(hybrid *h, const far_program *program, const far_list *list,
+                      const far_part *part, uint32_t begin, uint32_t end, hw_frame_stats *stats)
 {
-    const uint32_t *visible = h->visible + list->first_visible;
-    uint32_t page = visible[begin] / HW_FAR_PAGE_RECORDS;
+    const hw_far_draw *far = list->cell->records->far;
+    const uint32_t *records = part->records;
+    uint32_t page = records[begin] / HW_FAR_PAGE_RECORDS, start = begin;
+    batch b;
+    b.count = b.indices = 0;
     glUniform1i(program->first_record, (GLint)(page * HW_FAR_PAGE_RECORDS));
     glBindBufferRange(GL_UNIFORM_BUFFER, 0, h->far_uniforms.name,
                       (GLintptr)((list->first_page + page) * PAGE_BYTES), PAGE_BYTES);
-    uint32_t start = begin;
     for (uint32_t i = begin + 1; i <= end; i++) {
-        if (i < end && visible[i] == visible[i - 1] + 1)
+        if (i < end && records[i] == records[i - 1] + 1)
             continue;
-        draw_range(h, list->cell, visible[start], visible[i - 1] + 1, stats);
+        add_range(h, &b, &far[records[start]], &far[records[i - 1]], stats);
         start = i;
     }
+    flush(h, &b, stats);
 }
 
-// Culls the cell's records and fills the uniforms of those that are left.
-static far_list list_far(hybrid *h, const hw_cell_gpu *cell, hw_fade fade, const hw_mat4 *matrix,
-                         const hw_frustum *frustum, uint32_t first_page)
+static void add_record(far_part *part, const hw_cell_records *records, uint32_t record)
 {
-    far_list list = {.cell = cell,
-                     .first_page = first_page,
-                     .first_visible = first_page * HW_FAR_PAGE_RECORDS,
-                     .fade = fade};
-    uint32_t *visible = h->visible + list.first_visible;
-    list.count = hw_cull_visible(&cell->records->far_bounds, frustum, visible);
-    for (uint32_t i = 0; i < list.count; i++) {
-        const hw_far_draw *far = &cell->records->far[visible[i]];
-        list.multi_count += visible[i] < cell->records->multi_count;
-        list.opaque_count += visible[i] < cell->records->opaque_count;
-        far_uniform *uniform = &h->far[list.first_visible + visible[i]];
-        hw_mat4 product = hw_mat4_mul(*matrix, far->matrix);
+    part->records[part->count++] = record;
+    part->multi_count += record < records->multi_count;
+    part->opaque_count += record < records->opaque_count;
+}
+
+// The far objects of a frame.
+typedef struct far_lists {
+    const frame_cells *cells;
+    const hw_mat4 *matrix;
+    const hw_frustum *frustum;
+    far_list lists[HW_CROSSING_CELLS * HW_CELL_LEVELS_MAX];
+    uint32_t count, pages;
+} far_lists;
+
+// Culls the records of the cell of a level that the chains first to end - 1 have in common, and
+// fills the uniforms of those that show.
+static void list_far(hybrid *h, far_lists *out, int32_t level, uint32_t first, uint32_t end)
+{
+    const hw_cell_gpu *cell = out->cells->chains[first][level];
+    const hw_cell_records *records = cell->records;
+    size_t place = (size_t)out->pages * HW_FAR_PAGE_RECORDS;
+    uint32_t *visible = h->visible + place;
+    far_list *list = &out->lists[out->count++];
+    *list = (far_list){.cell = cell, .first_page = out->pages};
+    list->parts[HW_PHASE_WHOLE].records = visible; // none overtakes those that are still to be read
+    list->parts[HW_PHASE_DISSOLVING].records = h->dissolving + place;
+    uint32_t count = hw_cull_visible(&records->far_bounds, out->frustum, visible);
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t record = visible[i];
+        const hw_far_draw *far = &records->far[record];
+        hw_turn turn = hw_object_turn(far->object_idx, h->turns);
+        hw_kept kept = hw_crossing_kept(&out->cells->crossing, first, end, turn);
+        if (hw_kept_none(kept))
+            continue;
+        add_record(&list->parts[hw_kept_phase(kept)], records, record);
+        far_uniform *uniform = &h->far[place + record];
+        hw_mat4 product = hw_mat4_mul(*out->matrix, far->matrix);
         hw_mat4_to_float(&product, uniform->clip);
         memcpy(uniform->texture, far->texture, sizeof uniform->texture);
+        uniform->kept = kept;
     }
-    return list;
+    out->pages += (uint32_t)hw_hybrid_page_count(records->far_count);
 }
 
-static void draw_views(hybrid *h, const far_list *list, hw_far_views_frame *frame)
+// Level by level; a group that several chains have is listed once: they are neighbours.
+static void list_all(hybrid *h, far_lists *out)
 {
-    if (list->multi_count == 0)
+    const frame_cells *cells = out->cells;
+    for (int32_t l = 0; l < h->manifest.grid.levels; l++) {
+        for (uint32_t first = 0, end; first < cells->crossing.count; first = end) {
+            for (end = first + 1; end < cells->crossing.count; end++)
+                if (cells->chains[end][l] != cells->chains[first][l])
+                    break;
+            list_far(h, out, l, first, end);
+        }
+    }
+}
+
+static void draw_views(hybrid *h, const far_list *list, const far_part *part,
+                       const hw_far_views_frame *frame)
+{
+    if (part->multi_count == 0)
         return;
-    frame->fade = list->fade;
     glBindTexture(GL_TEXTURE_2D, list->cell->atlas.name);
     glBindVertexArray(list->cell->array);
-    for (uint32_t i = 0; i < list->multi_count; i++)
-        hw_far_views_gl_draw(&h->far_views, frame, list->cell, h->visible[list->first_visible + i]);
+    const far_uniform *uniforms = h->far + (size_t)list->first_page * HW_FAR_PAGE_RECORDS;
+    for (uint32_t i = 0; i < part->multi_count; i++)
+        hw_far_views_gl_draw(&h->far_views, frame, list->cell, part->records[i],
+                             uniforms[part->records[i]].kept);
 }
 
-// Draws the visible SVMeshes of the list that are cut out, or those that are not, page by page.
-static void draw_list(hybrid *h, const far_list *list, bool cut_out, const hw_crossing *crossing,
+// Draws the SVMeshes of a part of the list that are cut out, or those that are not, page by page.
+static void draw_part(hybrid *h, const far_list *list, int phase, bool cut_out,
                       hw_frame_stats *stats)
 {
-    const uint32_t *visible = h->visible + list->first_visible;
-    const far_program *program = &h->far_programs[cut_out][hw_fade_phase(list->fade)];
-    uint32_t begin = cut_out ? list->opaque_count : list->multi_count;
-    uint32_t end = cut_out ? list->count : list->opaque_count;
+    const far_part *part = &list->parts[phase];
+    const far_program *program = &h->far_programs[cut_out][phase];
+    uint32_t begin = cut_out ? part->opaque_count : part->multi_count;
+    uint32_t end = cut_out ? part->count : part->opaque_count;
     if (begin == end)
         return;
     glUseProgram(program->name);
-    hw_hybrid_set_kept(program->kept, list->fade, crossing);
     glBindTexture(GL_TEXTURE_2D, list->cell->atlas.name);
     glBindVertexArray(list->cell->array);
     for (uint32_t i = begin + 1; i <= end; i++) {
-        if (i < end && visible[i] / HW_FAR_PAGE_RECORDS == visible[begin] / HW_FAR_PAGE_RECORDS)
+        if (i < end &&
+            part->records[i] / HW_FAR_PAGE_RECORDS == part->records[begin] / HW_FAR_PAGE_RECORDS)
             continue;
-        draw_page(h, program, list, begin, i, stats);
+        draw_page(h, program, list, part, begin, i, stats);
         begin = i;
     }
 }
 
-// The far objects of a frame: those of the viewer's cells, and those of other cells that dissolve.
-typedef struct far_lists {
-    far_list lists[2 * HW_CELL_LEVELS_MAX];
-    uint32_t count, pages;
-} far_lists;
-
-static void add_far(hybrid *h, far_lists *out, const hw_cell_gpu *cell, hw_fade fade,
-                    const hw_mat4 *matrix, const hw_frustum *frustum)
-{
-    out->lists[out->count++] = list_far(h, cell, fade, matrix, frustum, out->pages);
-    out->pages += (uint32_t)hw_hybrid_page_count(cell->records->far_count);
-}
-
 // MVMeshes, what else is opaque, then what is cut out, which software GL cannot test for depth
-// early; each level by level, near to far. The uniforms of all go up before the first is drawn.
+// early, nor what dissolves; each level by level, near to far. The uniforms of all go up before the
+// first is drawn.
 void hw_hybrid_draw_far(hybrid *h, const frame_cells *cells, hw_vec3 eye, const hw_mat4 *matrix,
                         const hw_frustum *frustum, hw_frame_stats *stats)
 {
-    far_lists far = {.count = 0};
-    for (int32_t l = 0; l < h->manifest.grid.levels; l++) {
-        bool differ = cells->crossing.share > 0 && cells->other[l] != cells->own[l];
-        add_far(h, &far, cells->own[l], differ ? HW_FADE_OUT : HW_FADE_NONE, matrix, frustum);
-        if (differ)
-            add_far(h, &far, cells->other[l], HW_FADE_IN, matrix, frustum);
-    }
+    far_lists far = {.cells = cells, .matrix = matrix, .frustum = frustum};
+    list_all(h, &far);
     if (far.pages == 0)
         return;
     glBindBuffer(GL_UNIFORM_BUFFER, h->far_uniforms.name);
     glBufferSubData(GL_UNIFORM_BUFFER, 0, (GLsizeiptr)(far.pages * PAGE_BYTES), h->far);
-    hw_far_views_frame frame = {matrix, eye, HW_FADE_NONE, &cells->crossing, &h->pace, stats};
+    const hw_far_views_frame frame = {matrix, eye, &h->pace, stats};
     hw_debug_tint(h->debug, HW_REPRESENTATION_MVMESH);
-    for (uint32_t i = 0; i < far.count; i++)
-        draw_views(h, &far.lists[i], &frame);
+    for (int phase = 0; phase < HW_PHASES; phase++)
+        for (uint32_t i = 0; i < far.count; i++)
+            draw_views(h, &far.lists[i], &far.lists[i].parts[phase], &frame);
     hw_debug_tint(h->debug, HW_REPRESENTATION_SVMESH);
     for (int cut_out = 0; cut_out < 2; cut_out++)
-        for (uint32_t i = 0; i < far.count; i++)
-            draw_list(h, &far.lists[i], cut_out, &cells->crossing, stats);
+        for (int phase = 0; phase < HW_PHASES; phase++)
+            for (uint32_t i = 0; i < far.count; i++)
+                draw_part(h, &far.lists[i], phase, cut_out, stats);
 }

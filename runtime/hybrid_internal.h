@@ -13,9 +13,12 @@
 typedef struct far_uniform {
     float clip[16];
     float texture[4];
+    hw_kept kept;
+    float unused[2];
 } far_uniform;
-_Static_assert(sizeof(far_uniform) == 80, "a far record's uniforms are 80 bytes");
+_Static_assert(sizeof(far_uniform) == 96, "a far record's uniforms are 96 bytes");
 #define PAGE_BYTES (HW_FAR_PAGE_RECORDS * sizeof(far_uniform))
+_Static_assert(PAGE_BYTES <= 16384 && PAGE_BYTES % 256 == 0, "a page fits into a uniform block");
 
 // What the frame needs of a near object beside its mesh; per object of the manifest.
 typedef struct near_object {
@@ -27,7 +30,7 @@ typedef struct near_object {
 typedef struct near_draw {
     uint32_t object_idx;
     float distance; // of its box to the eye
-    hw_fade fade;
+    hw_kept kept;
     const hw_near_level *level;
 } near_draw;
 
@@ -38,7 +41,7 @@ typedef struct near_program {
 
 typedef struct far_program {
     GLuint name;
-    GLint first_record, kept;
+    GLint first_record;
 } far_program;
 
 typedef struct hybrid {
@@ -56,36 +59,28 @@ typedef struct hybrid {
     far_program far_programs[2][HW_PHASES];   // opaque, cut out
     hw_far_views_gl far_views;
     double crossing_width;
+    uint32_t turns;          // in which objects dissolve
     uint32_t near_triangles; // budget
     hw_gpu_buffer far_uniforms;
     hw_gpu_pace pace;
     const hw_debug_view *debug; // the renderer's
     // Scratch for the near objects and far records of a frame's cells; capacities in items.
     size_t near_capacity, far_capacity;
-    uint32_t *visible;
+    uint32_t *visible, *dissolving;
     hw_cull_item *order, *order_scratch;
     near_draw *near;
     far_uniform *far; // whole pages
 } hybrid;
 
-// The viewer's cells, and while one dissolves into another, that one's; by level.
+// The cells that a frame shows: those of the crossing, each with the groups that hold it, by level.
 typedef struct frame_cells {
-    hw_cell_gpu *own[HW_CELL_LEVELS_MAX];
-    hw_cell_gpu *other[HW_CELL_LEVELS_MAX]; // with a share > 0
     hw_crossing crossing;
+    hw_cell_gpu *chains[HW_CROSSING_CELLS][HW_CELL_LEVELS_MAX];
 } frame_cells;
 
 static inline size_t hw_hybrid_page_count(size_t records)
 {
     return (records + HW_FAR_PAGE_RECORDS - 1) / HW_FAR_PAGE_RECORDS;
-}
-
-// Tells a program which pixels a fade leaves out.
-static inline void hw_hybrid_set_kept(GLint location, hw_fade fade, const hw_crossing *crossing)
-{
-    float range[2];
-    hw_fade_range(fade, crossing, range);
-    glUniform2fv(location, 1, range);
 }
 
 // Scratch for so many near objects and far records. Cells have about as many as the first that
@@ -101,13 +96,11 @@ hw_data_key hw_hybrid_level_key(const hybrid *h, uint32_t object_idx, double err
                                 double focal_px, float distance);
 
 HW_MUST_USE hw_status hw_hybrid_make_near(hybrid *h);
-// Near objects in view, of the viewer's cell and of the one beyond the border, and their levels,
-// into h->near.
+// Near objects in view, of the frame's cells, and their levels, into h->near.
 HW_MUST_USE hw_status hw_hybrid_choose_near(hybrid *h, const frame_cells *cells,
                                             const hw_camera *camera, const hw_frustum *frustum,
                                             hw_frame_stats *stats, uint32_t *count);
-void hw_hybrid_draw_near(hybrid *h, uint32_t count, const hw_crossing *crossing,
-                         const hw_mat4 *matrix, hw_frame_stats *stats);
+void hw_hybrid_draw_near(hybrid *h, uint32_t count, const hw_mat4 *matrix, hw_frame_stats *stats);
 
 HW_MUST_USE hw_status hw_hybrid_make_far(hybrid *h);
 void hw_hybrid_draw_far(hybrid *h, const frame_cells *cells, hw_vec3 eye, const hw_mat4 *matrix,

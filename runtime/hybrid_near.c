@@ -85,40 +85,41 @@ static bool is_near(const hw_cell_records *cell, uint32_t object_idx)
     return low < cell->near_count && cell->near[low].object_idx == object_idx;
 }
 
-// Adds the cell's near objects in view, front to back, to the *count in h->near. What is near in
-// the other cell too (NULL: there is none) does not dissolve, and comes once.
-static void list_near(hybrid *h, const hw_cell_records *cell, const hw_cell_records *other,
-                      hw_fade fade, hw_vec3 eye, const hw_frustum *frustum, uint32_t *out_count)
+// Adds the near objects in view of cells[i] of the crossing, front to back, to the *count in
+// h->near. An object that is near in the next cells too comes once, with the pixels of all.
+static void list_near(hybrid *h, const frame_cells *cells, uint32_t i, hw_vec3 eye,
+                      const hw_frustum *frustum, uint32_t *out_count)
 {
+    const hw_cell_records *cell = cells->chains[i][0]->records;
     uint32_t count = hw_cull_visible(&cell->near_bounds, frustum, h->visible);
-    for (uint32_t i = 0; i < count; i++) {
-        const hw_near_record *record = &cell->near[h->visible[i]];
+    for (uint32_t k = 0; k < count; k++) {
+        const hw_near_record *record = &cell->near[h->visible[k]];
         float distance = hw_box_distance(h->manifest.objects[record->object_idx].bounds, eye);
-        h->order[i] = (hw_cull_item){distance, h->visible[i]};
+        h->order[k] = (hw_cull_item){distance, h->visible[k]};
     }
     hw_cull_sort(h->order, count, h->order_scratch);
-    for (uint32_t i = 0; i < count; i++) {
-        uint32_t object_idx = cell->near[h->order[i].index].object_idx;
-        bool shared = !other || is_near(other, object_idx);
-        if (!shared || fade != HW_FADE_IN)
-            h->near[(*out_count)++] = (near_draw){.object_idx = object_idx,
-                                                  .distance = h->order[i].key,
-                                                  .fade = shared ? HW_FADE_NONE : fade};
+    for (uint32_t k = 0; k < count; k++) {
+        uint32_t object_idx = cell->near[h->order[k].index].object_idx, end = i + 1;
+        if (i > 0 && is_near(cells->chains[i - 1][0]->records, object_idx))
+            continue;
+        while (end < cells->crossing.count && is_near(cells->chains[end][0]->records, object_idx))
+            end++;
+        hw_turn turn = hw_object_turn(object_idx, h->turns);
+        hw_kept kept = hw_crossing_kept(&cells->crossing, i, end, turn);
+        if (!hw_kept_none(kept))
+            h->near[(*out_count)++] =
+                (near_draw){.object_idx = object_idx, .distance = h->order[k].key, .kept = kept};
     }
 }
 
-// Near objects in view, of the viewer's cell and of the one beyond the border, and their levels,
-// into h->near.
+// Near objects in view, of the frame's cells, and their levels, into h->near.
 hw_status hw_hybrid_choose_near(hybrid *h, const frame_cells *cells, const hw_camera *camera,
                                 const hw_frustum *frustum, hw_frame_stats *stats, uint32_t *count)
 {
-    const hw_cell_records *own = cells->own[0]->records;
-    const hw_cell_records *other = cells->crossing.share > 0 ? cells->other[0]->records : NULL;
     double focal_px = hw_camera_focal_px(camera);
     *count = 0;
-    list_near(h, own, other, HW_FADE_OUT, camera->eye, frustum, count);
-    if (other)
-        list_near(h, other, own, HW_FADE_IN, camera->eye, frustum, count);
+    for (uint32_t i = 0; i < cells->crossing.count; i++)
+        list_near(h, cells, i, camera->eye, frustum, count);
     double error_px = fit_error(h, *count, focal_px);
     if (h->prefetch)
         hw_prefetch_set_error(h->prefetch, error_px);
@@ -127,8 +128,7 @@ hw_status hw_hybrid_choose_near(hybrid *h, const frame_cells *cells, const hw_ca
     return HW_OK;
 }
 
-void hw_hybrid_draw_near(hybrid *h, uint32_t count, const hw_crossing *crossing,
-                         const hw_mat4 *matrix, hw_frame_stats *stats)
+void hw_hybrid_draw_near(hybrid *h, uint32_t count, const hw_mat4 *matrix, hw_frame_stats *stats)
 {
     const near_program *bound = NULL;
     GLuint bound_texture = 0;
@@ -138,11 +138,11 @@ void hw_hybrid_draw_near(hybrid *h, uint32_t count, const hw_crossing *crossing,
         const hw_near_level *level = h->near[i].level;
         GLuint texture = hw_store_texture(h->store, object->texture_idx);
         bool textured = texture && level->has_uvs;
-        const near_program *program = &h->near_programs[textured][hw_fade_phase(h->near[i].fade)];
+        const near_program *program = &h->near_programs[textured][hw_kept_phase(h->near[i].kept)];
         if (program != bound)
             glUseProgram(program->name);
         bound = program;
-        hw_hybrid_set_kept(program->kept, h->near[i].fade, crossing);
+        glUniform2f(program->kept, h->near[i].kept.first, h->near[i].kept.end);
         if (textured && texture != bound_texture) {
             glBindTexture(GL_TEXTURE_2D, texture);
             bound_texture = texture;

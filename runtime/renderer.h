@@ -62,8 +62,7 @@ typedef struct hw_renderer_desc {
 
 #define HW_NEAR_TRIANGLES 100000u
 
-// Ten frames of a walk at 30 frames a second, a tenth of the way.
-#define HW_CROSSING_WIDTH 0.08
+#define HW_CROSSING_WIDTH 0.2
 
 typedef struct hw_renderer hw_renderer;
 HW_MUST_USE hw_status hw_renderer_create(const hw_renderer_desc *desc, hw_renderer **out);

@@ -9,7 +9,7 @@
 
 #define ITEMS_MAX   24  // crossings that are looked at
 #define OFF_FRAMES  60  // from the border to where nothing jumps
-#define NEAR_FRAMES 16  // to each side of a crossing, for which jumps are looked at
+#define NEAR_FRAMES 40  // to each side of a crossing, for which jumps are looked at
 #define COST_LOOKS  400 // frames of the tour that are looked at for what dissolves cost
 #define COST_ROUNDS 3
 
@@ -200,6 +200,15 @@ static hw_status time_frame(const hw_pops_desc *d, const hw_camera *camera, bool
     return HW_OK;
 }
 
+static bool dissolves(const hw_manifest *manifest, hw_cell_id id, hw_vec3 eye)
+{
+    hw_crossing c = hw_crossing_at(&manifest->grid, id, eye, HW_CROSSING_WIDTH);
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < c.count; i++)
+        count += hw_manifest_find_cell(manifest, c.cells[i], NULL);
+    return count > 1;
+}
+
 // Of frames evenly over the tour, those in a strip are drawn with and without dissolves in turn;
 // elsewhere there is no difference.
 static hw_status measure_cost(const hw_pops_desc *d, hw_pops *pops)
@@ -213,8 +222,7 @@ static hw_status measure_cost(const hw_pops_desc *d, hw_pops *pops)
         if (!hw_manifest_find_cell(d->manifest, id, NULL))
             continue;
         looks++;
-        hw_crossing c = hw_crossing_at(&d->manifest->grid, id, camera.eye, HW_CROSSING_WIDTH);
-        if (c.share == 0 || !hw_manifest_find_cell(d->manifest, c.other, NULL))
+        if (!dissolves(d->manifest, id, camera.eye))
             continue;
         inside++;
         for (int round = 0; round < COST_ROUNDS; round++) {

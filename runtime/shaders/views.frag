@@ -8,10 +8,15 @@ in vec3 v_first;
 in vec3 v_second;
 uniform float u_blend; // share of the second
 #endif
+#ifdef DISSOLVE
+uniform vec2 u_kept;
+#endif
 out vec4 o_color;
 void main()
 {
-    hw_dissolve();
+#ifdef DISSOLVE
+    hw_dissolve(u_kept);
+#endif
 #if defined(COLORED)
     o_color = vec4(v_color, 1.0);
 #elif defined(BLENDED)

@@ -228,36 +228,28 @@ static void test_faces(void **state)
     assert_in_range(hw_face_towards(0, 0), 0, 5);
 }
 
-// The border found is that of the other cell whose centre is nearest, and half of what that centre
-// is farther away along the line between both.
-static void test_border(void **state)
+// A point's depth in the cell that holds it is half of what the nearest other centre is farther
+// away along the line between both; in all others it is below 0.
+static void test_depth(void **state)
 {
     (void)state;
     hw_rng rng = hw_rng_make(3, 9);
     hw_hexgrid grid = hw_hexgrid_cover(-200, -150, 200, 150, 50, 0, 10);
     for (int i = 0; i < 2000; i++) {
-        double x = uniform(&rng, -200, 200), y = uniform(&rng, -150, 150);
-        hw_cell_id id = hw_hexgrid_locate(&grid, x, y), other = {0};
-        double distance = hw_cell_border(&grid, id, x, y, &other), least = INFINITY;
+        double x = uniform(&rng, -120, 120), y = uniform(&rng, -70, 70), least = INFINITY;
+        hw_cell_id id = hw_hexgrid_locate(&grid, x, y);
         hw_vec3 own = hw_cell_centre(&grid, id);
-        hw_cell_id best = id;
         for (uint32_t k = 0; k < hw_hexgrid_cell_count(&grid); k++) {
             hw_vec3 c = hw_cell_centre(&grid, hw_hexgrid_cell(&grid, k));
-            double d = hypot(c.x - x, c.y - y);
-            if (k == hw_hexgrid_index(&grid, id) || d >= least)
+            if (k == hw_hexgrid_index(&grid, id))
                 continue;
-            least = d;
-            best = hw_hexgrid_cell(&grid, k);
+            least = fmin(least, hypot(c.x - x, c.y - y));
+            assert_true(hw_cell_depth(&grid, hw_hexgrid_cell(&grid, k), x, y) < 1e-3);
         }
         double step = 50 * sqrt(3), from = hypot(own.x - x, own.y - y);
-        if (outside(&grid, id, x, y) > 0)
-            continue;
-        assert_true(fabs(distance - (least * least - from * from) / (2 * step)) < 1e-3);
-        assert_true(other.q == best.q && other.r == best.r);
+        double wanted = (least * least - from * from) / (2 * step);
+        assert_true(fabs(hw_cell_depth(&grid, id, x, y) - wanted) < 1e-3);
     }
-    hw_hexgrid lone = hw_hexgrid_cover(-1, -1, 1, 1, 50, 0, 10);
-    hw_cell_id other;
-    assert_true(isinf(hw_cell_border(&lone, (hw_cell_id){0, 0, 0}, 0, 0, &other)));
 }
 
 int main(void)
@@ -270,7 +262,7 @@ int main(void)
         cmocka_unit_test(test_neighbours_share_faces),
         cmocka_unit_test(test_cover),
         cmocka_unit_test(test_faces),
-        cmocka_unit_test(test_border),
+        cmocka_unit_test(test_depth),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,4 +1,5 @@
 // Configuration C on a dataset made by hand: it must look as the same scene does in B.
+#include "crossing.h"
 #include "hybrid_dataset.h"
 
 // A view of each quad from beside the centre, through windows that are not parallel to it.
@@ -172,7 +173,8 @@ static void write_crowd(const fixture *f, hw_cell_id id, const hw_scene *scene)
         s.half *= cut_out ? 2 : 1;
         uint32_t border = cut_out ? 0 : 2;
         cell.far[i] =
-            (hw_far_record){.face = s.face,
+            (hw_far_record){.object_idx = i,
+                            .face = s.face,
                             .cut_out = cut_out,
                             .x_min = s.x - s.half,
                             .x_max = s.x + s.half,
@@ -335,20 +337,32 @@ static void test_texture_placement(void **state)
     hw_renderer_destroy(renderer);
 }
 
-// Inside a strip along the border each pixel is that of one cell or the other, the share of the
-// other rises to one half on the border, and what is near in both cells is whole. Only the home
-// cell has far objects.
+static void set_clusters(fixture *f, bool clusters)
+{
+    f->manifest.clusters = clusters;
+    assert_ok(hw_manifest_write(f->folder, &f->manifest));
+}
+
+static hw_renderer *open_soft(const fixture *f)
+{
+    const hw_renderer_desc desc = {
+        .config = HW_CONFIG_C, .dataset = f->folder, .crossing_width = 0.2};
+    hw_renderer *renderer = NULL;
+    assert_ok(hw_renderer_create(&desc, &renderer));
+    return renderer;
+}
+
+// Where there may be clusters, all objects dissolve together. Inside a strip along the border each
+// pixel is that of one cell or the other, the share of the other rises to one half on the border,
+// and what is near in both cells is whole. Only the home cell has far objects.
 static void test_cells_dissolve(void **state)
 {
     fixture *f = *state;
-    hw_cell_id home = hw_hexgrid_locate(&f->manifest.grid, 0, 0), other;
-    hw_vec3 centre = hw_cell_centre(&f->manifest.grid, home);
-    hw_renderer *hard = open_renderer(f), *soft;
-    const hw_renderer_desc desc = {
-        .config = HW_CONFIG_C, .dataset = f->folder, .crossing_width = 0.2};
-    assert_ok(hw_renderer_create(&desc, &soft));
-    const double border = hw_cell_border(&f->manifest.grid, home, centre.x, centre.y, &other);
-    hw_vec3 out = hw_v3_normalize(hw_v3_sub(hw_cell_centre(&f->manifest.grid, other), centre));
+    set_clusters(f, true);
+    const double border = f->manifest.grid.cell_size * sqrt(0.75);
+    hw_renderer *hard = open_renderer(f), *soft = open_soft(f);
+    hw_vec3 out, right, up;
+    hw_face_basis(0, &out, &right, &up);
     const double distances[] = {0.05, 2.5, 5, 7.5, 10.5}, shares[] = {0.5, 0.375, 0.25, 0.125, 0};
     for (int i = 0; i < 5; i++) {
         hw_vec3 eye = hw_v3_scale(out, (float)(border - distances[i]));
@@ -390,6 +404,74 @@ static void test_cells_dissolve(void **state)
     hw_image_free(&sides[1]);
     hw_renderer_destroy(hard);
     hw_renderer_destroy(soft);
+    set_clusters(f, false);
+}
+
+#define WAY_STEPS 60
+
+// The most pixels that change in a step of half a unit on a straight way with `middle` half way, as
+// seen from the home cell.
+static uint32_t largest_change(const fixture *f, hw_renderer *renderer, hw_vec3 middle, float angle)
+{
+    const hw_camera camera = view(f, 0, 0, 0);
+    const hw_vec3 step = hw_v3(0.5f * cosf(angle), 0.5f * sinf(angle), 0);
+    hw_image before = {0};
+    uint32_t most = 0;
+    for (int i = 0; i <= WAY_STEPS; i++) {
+        hw_camera there = camera;
+        there.fov_degrees = 150; // all objects are in view
+        there.eye = hw_v3_mad(middle, step, (float)i - WAY_STEPS / 2);
+        hw_renderer_set_debug_view(renderer, &(hw_debug_view){.frozen = true, .camera = there});
+        hw_image now = render(f, renderer, &camera, NULL);
+        uint32_t changed = 0;
+        for (uint32_t p = 0; i > 0 && p < SIZE * SIZE; p++)
+            changed += memcmp(before.data + (size_t)p * 4, now.data + (size_t)p * 4, 4) != 0;
+        most = changed > most ? changed : most;
+        hw_image_free(&before);
+        before = now;
+    }
+    hw_image_free(&before);
+    return most;
+}
+
+// Past a point where three cells meet, each with far objects of its own, no step changes twice as
+// much of the picture as one over the middle of a border: shares change 1.2 times as fast, and
+// those of all three at once.
+static void test_three_cells(void **state)
+{
+    fixture *f = *state;
+    const hw_hexgrid *grid = &f->manifest.grid;
+    enum { CORNER = 4 }; // below, so that all far objects are in view
+    hw_cell_id home = hw_hexgrid_locate(grid, 0, 0), around[6];
+    hw_vec3 corners[HW_CELL_CORNERS], centre = hw_cell_centre(grid, home);
+    hw_cell_neighbours(home, around);
+    hw_cell_corners(grid, home, corners);
+    f->manifest.near_error_px = 1e-6; // near objects at full detail
+    assert_ok(hw_manifest_write(f->folder, &f->manifest));
+    const hw_cell_id others[2] = {around[CORNER - 1], around[CORNER]};
+    for (int i = 0; i < 2; i++)
+        write_cell(f, others[i], true);
+    hw_renderer *soft = open_soft(f);
+    uint32_t border = 0;
+    for (int i = 0; i < 3; i++) {
+        hw_vec3 from = i < 2 ? centre : hw_cell_centre(grid, others[0]);
+        hw_vec3 to = hw_v3_sub(hw_cell_centre(grid, others[i % 2 + i / 2]), from);
+        hw_vec3 middle = hw_v3_mad(from, to, 0.5f);
+        uint32_t change = largest_change(f, soft, middle, atan2f(to.y, to.x));
+        border = change > border ? change : border;
+    }
+    assert_true(border > 100);
+    for (int i = 0; i < 8; i++) {
+        hw_vec3 middle = corners[CORNER];
+        middle.z = centre.z;
+        middle.x += (float)(i % 3 - 1) * 2;
+        assert_in_range(largest_change(f, soft, middle, (float)i * 0.4f), 1, border * 2);
+    }
+    hw_renderer_destroy(soft);
+    for (int i = 0; i < 2; i++)
+        write_cell(f, others[i], false);
+    f->manifest.near_error_px = NEAR_PX;
+    assert_ok(hw_manifest_write(f->folder, &f->manifest));
 }
 
 // Many records: pages, ranges and culling must leave every square in its place, and draw only those
@@ -428,6 +510,56 @@ static void test_crowd(void **state)
         hw_image_free(&truth);
     }
     hw_renderer_destroy(renderer);
+    hw_scene_free(&scene);
+    write_cell(f, id, false);
+}
+
+// Near the border to a cell that has no far objects: those whose turn is over are not drawn, those
+// whose turn it is dissolve, and the others are drawn as they are.
+static void test_crowd_dissolves(void **state)
+{
+    fixture *f = *state;
+    const hw_hexgrid *grid = &f->manifest.grid;
+    hw_cell_id id = hw_hexgrid_locate(grid, 90, 20);
+    hw_vec3 centre = hw_cell_centre(grid, id), axis, right, up;
+    hw_scene scene = crowd_scene(centre);
+    hw_renderer *soft, *hard;
+    uint32_t dissolving = 0;
+    write_crowd(f, id, &scene);
+    soft = open_soft(f);
+    hard = open_renderer(f);
+    hw_face_basis(4, &axis, &right, &up);
+    for (int i = 0; i < 10; i++) {
+        hw_vec3 eye = hw_v3_mad(centre, axis, 50 * sqrtf(0.75f) - 9.5f + (float)i);
+        hw_camera camera = model_camera(eye, hw_v3(0.1f, 1, 0.05f), SIZE);
+        hw_crossing crossing = hw_crossing_at(grid, id, eye, 0.2);
+        hw_mat4 matrix = hw_camera_view_projection(&camera);
+        hw_frustum frustum = hw_frustum_make(&matrix);
+        uint32_t drawn = 0, own = hw_cell_compare(crossing.cells[0], id) == 0 ? 0 : 1;
+        assert_int_equal(crossing.count, 2);
+        for (uint32_t k = 0; k < CROWD; k++) {
+            hw_turn turn = hw_object_turn(k, HW_CROSSING_TURNS);
+            hw_kept kept = hw_crossing_kept(&crossing, own, own + 1, turn);
+            bool visible = hw_frustum_meets_box(&frustum, scene.objects[k].bounds);
+            drawn += visible && !hw_kept_none(kept);
+            dissolving += visible && !hw_kept_none(kept) && hw_kept_phase(kept);
+        }
+        hw_frame_stats stats;
+        hw_image mixed = render(f, soft, &camera, &stats), whole = render(f, hard, &camera, NULL);
+        assert_int_equal(stats.far_triangles, drawn * 2);
+        uint32_t objects = 0, left = 0;
+        for (uint32_t p = 0; p < SIZE * SIZE; p++) {
+            objects += model_pixel(&whole, p % SIZE, p / SIZE)[3] == 255;
+            left += model_pixel(&mixed, p % SIZE, p / SIZE)[3] == 255;
+        }
+        double share = (double)crossing.bounds[own + 1] - (double)crossing.bounds[own];
+        assert_true(fabs((double)left / objects - share) < 0.2);
+        hw_image_free(&mixed);
+        hw_image_free(&whole);
+    }
+    assert_true(dissolving > 50);
+    hw_renderer_destroy(soft);
+    hw_renderer_destroy(hard);
     hw_scene_free(&scene);
     write_cell(f, id, false);
 }
@@ -563,6 +695,8 @@ int main(void)
         cmocka_unit_test(test_views),
         cmocka_unit_test(test_texture_placement),
         cmocka_unit_test(test_cells_dissolve),
+        cmocka_unit_test(test_three_cells),
+        cmocka_unit_test(test_crowd_dissolves),
         cmocka_unit_test(test_crowd),
         cmocka_unit_test(test_near_levels),
         cmocka_unit_test(test_near_budget),
