@@ -14,7 +14,7 @@
 
 #define HW_CROSSING_CELLS 3    // that a frame shows at most
 #define HW_CROSSING_MAX   0.43 // cell sizes: in wider strips four cells would meet
-#define HW_CROSSING_TURNS 4u   // that objects take
+#define HW_CROSSING_TURNS 2u   // that objects take
 
 typedef struct hw_crossing {
     uint32_t count; // 1 to HW_CROSSING_CELLS

@@ -107,12 +107,25 @@ static hw_status see_jump(observer *o, uint32_t frame, bool hard, double *out)
 {
     hw_camera camera = camera_of(o->desc, frame);
     for (int i = 0; i < 2; i++) {
-        const hw_debug_view view = {
-            .hard = hard, .frozen = true, .camera = camera_of(o->desc, frame + (uint32_t)i)};
+        hw_debug_view view = {.hard = hard, .frozen = true, .camera = camera};
+        view.camera.eye = o->desc->tour->frames[frame + (uint32_t)i].eye;
         hw_renderer_set_debug_view(o->desc->hybrid, &view);
         HW_TRY(look(o, o->desc->hybrid, &camera, i));
     }
     *out = change(o);
+    return HW_OK;
+}
+
+// With dissolves, less (as if independent of it) the jump that the frame makes anyway because
+// levels of detail change within a cell. That is looked for only where it matters: in a frame that
+// jumps by more than `least`.
+static hw_status see_dissolve(observer *o, uint32_t frame, double least, double *out)
+{
+    double levels = 0;
+    HW_TRY(see_jump(o, frame, false, out));
+    if (*out > least && !crosses(o->desc->manifest, o->desc->tour, frame))
+        HW_TRY(see_jump(o, frame, true, &levels));
+    *out = sqrt(fmax(*out * *out - levels * levels, 0));
     return HW_OK;
 }
 
@@ -129,7 +142,7 @@ static hw_status see_soft_jump(observer *o, uint32_t frame, double *out)
         if (!hw_manifest_find_cell(o->desc->manifest, id, NULL) ||
             !hw_manifest_find_cell(o->desc->manifest, next, NULL))
             continue;
-        HW_TRY(see_jump(o, i, false, &jump));
+        HW_TRY(see_dissolve(o, i, *out, &jump));
         *out = fmax(*out, jump);
     }
     return HW_OK;

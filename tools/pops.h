@@ -12,10 +12,11 @@ typedef struct hw_pop {
     double t; // seconds on the tour
     // The change of the hybrid's picture less that of ground truth with the same samples a pixel.
     double soft, hard; // with dissolves, without
-    // The jump alone: seen from one point, with cells and levels of detail as chosen for the first
-    // frame and as for the second. `soft` is the largest of all frames near the crossing, among
-    // which dissolves share it out; `usual` that of two frames some way off the border, where only
-    // levels of detail change.
+    // The jump alone: seen from one point in one direction, with cells and levels of detail as
+    // chosen for where the viewer is in the first frame and in the second. `soft` is the largest of
+    // all frames near the crossing, among which dissolves share it out, less what levels of detail
+    // change there without a crossing; `usual` that of two frames some way off the border, where
+    // only levels of detail change.
     double soft_jump, hard_jump, usual_jump;
 } hw_pop;
 
