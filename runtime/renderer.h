@@ -62,6 +62,8 @@ typedef struct hw_renderer_desc {
 
 #define HW_NEAR_TRIANGLES 100000u
 
+// Twenty frames of a walk at 60 frames a second to each side of a border between cells of 50 units.
+// Wider strips show cells from farther outside, which costs PSNR; narrower ones jump more.
 #define HW_CROSSING_WIDTH 0.2
 
 typedef struct hw_renderer hw_renderer;

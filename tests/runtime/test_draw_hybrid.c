@@ -355,9 +355,8 @@ static hw_renderer *open_soft(const fixture *f)
 // Where there may be clusters, all objects dissolve together. Inside a strip along the border each
 // pixel is that of one cell or the other, the share of the other rises to one half on the border,
 // and what is near in both cells is whole. Only the home cell has far objects.
-static void test_cells_dissolve(void **state)
+static void check_dissolve(fixture *f)
 {
-    fixture *f = *state;
     set_clusters(f, true);
     const double border = f->manifest.grid.cell_size * sqrt(0.75);
     hw_renderer *hard = open_renderer(f), *soft = open_soft(f);
@@ -405,6 +404,19 @@ static void test_cells_dissolve(void **state)
     hw_renderer_destroy(hard);
     hw_renderer_destroy(soft);
     set_clusters(f, false);
+}
+
+static void test_cells_dissolve(void **state)
+{
+    static const uint32_t sets[2][2] = {{0, 3}, {1, 3}}; // all kinds of programs
+    fixture *f = *state;
+    check_dissolve(f);
+    hw_cell_id home = hw_hexgrid_locate(&f->manifest.grid, 0, 0);
+    hw_cell cell = make_cell(f, home, true);
+    add_views(&cell, sets);
+    save_cell(f, &cell);
+    check_dissolve(f);
+    write_cell(f, home, true);
 }
 
 #define WAY_STEPS 60
