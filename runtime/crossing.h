@@ -6,15 +6,17 @@
 // The cells of a frame divide a scale from 0 to 1 into intervals as long as their shares. Every
 // pixel of every object has a number on that scale, and shows the object as the cell has it in
 // whose interval the number lies (a dissolve): unlike blending, this needs no order of drawing, and
-// depth stays right. The numbers of one object cover only a part of the scale, its turn. So few
-// objects dissolve at a time, and the others are drawn once.
+// depth stays right. The numbers of one object cover only a part of the scale, its turn. So only
+// a part of the objects dissolve at a time, and the others are drawn once.
 #pragma once
 #include "hexgrid.h"
 #include <stdbool.h>
 
 #define HW_CROSSING_CELLS 3    // that a frame shows at most
 #define HW_CROSSING_MAX   0.43 // cell sizes: in wider strips four cells would meet
-#define HW_CROSSING_TURNS 2u   // that objects take
+// Turns that objects take. With more of them fewer are drawn twice, but each changes faster: four
+// jump 5 % more than two, for half of the extra triangles.
+#define HW_CROSSING_TURNS 2u
 
 typedef struct hw_crossing {
     uint32_t count; // 1 to HW_CROSSING_CELLS

@@ -67,25 +67,21 @@ static void add_range(hybrid *h, batch *b, const hw_far_draw *first, const hw_fa
     }
 }
 
-// Records of a cell that are drawn by the same programs, rising.
-typedef struct far_part {
-    uint32_t *records;
-    uint32_t count, multi_count, opaque_count; // of them, as in hw_cell_records
-} far_part;
-
-// Visible records of one cell. Its uniforms start at a page of the frame's.
+// Visible records of one cell that are drawn by the same programs. The cell's uniforms start at a
+// page of the frame's.
 typedef struct far_list {
     const hw_cell_gpu *cell;
     uint32_t first_page;
-    far_part parts[HW_PHASES];
+    uint32_t *records;                         // rising
+    uint32_t count, multi_count, opaque_count; // of them, as in hw_cell_records
 } far_list;
 
-// Draws the records [begin, end) of the part, all of one page.
-static void draw_page(hybrid *h, const far_program *program, const far_list *list,
-                      const far_part *part, uint32_t begin, uint32_t end, hw_frame_stats *stats)
+// Draws the records [begin, end) of the list, all of one page.
+static void draw_page(hybrid *h, const far_program *program, const far_list *list, uint32_t begin,
+                      uint32_t end, hw_frame_stats *stats)
 {
     const hw_far_draw *far = list->cell->records->far;
-    const uint32_t *records = part->records;
+    const uint32_t *records = list->records;
     uint32_t page = records[begin] / HW_FAR_PAGE_RECORDS, start = begin;
     batch b;
     b.count = b.indices = 0;
@@ -101,11 +97,11 @@ static void draw_page(hybrid *h, const far_program *program, const far_list *lis
     flush(h, &b, stats);
 }
 
-static void add_record(far_part *part, const hw_cell_records *records, uint32_t record)
+static void add_record(far_list *list, uint32_t record)
 {
-    part->records[part->count++] = record;
-    part->multi_count += record < records->multi_count;
-    part->opaque_count += record < records->opaque_count;
+    list->records[list->count++] = record;
+    list->multi_count += record < list->cell->records->multi_count;
+    list->opaque_count += record < list->cell->records->opaque_count;
 }
 
 // The far objects of a frame.
@@ -113,7 +109,7 @@ typedef struct far_lists {
     const frame_cells *cells;
     const hw_mat4 *matrix;
     const hw_frustum *frustum;
-    far_list lists[HW_CROSSING_CELLS * HW_CELL_LEVELS_MAX];
+    far_list lists[HW_CROSSING_CELLS * HW_CELL_LEVELS_MAX][HW_PHASES]; // of the first `count` cells
     uint32_t count, pages;
 } far_lists;
 
@@ -125,10 +121,11 @@ static void list_far(hybrid *h, far_lists *out, int32_t level, uint32_t first, u
     const hw_cell_records *records = cell->records;
     size_t place = (size_t)out->pages * HW_FAR_PAGE_RECORDS;
     uint32_t *visible = h->visible + place;
-    far_list *list = &out->lists[out->count++];
-    *list = (far_list){.cell = cell, .first_page = out->pages};
-    list->parts[HW_PHASE_WHOLE].records = visible; // none overtakes those that are still to be read
-    list->parts[HW_PHASE_DISSOLVING].records = h->dissolving + place;
+    far_list *lists = out->lists[out->count++];
+    for (int phase = 0; phase < HW_PHASES; phase++)
+        lists[phase] = (far_list){.cell = cell, .first_page = out->pages};
+    lists[HW_PHASE_WHOLE].records = visible; // written no faster than they are read
+    lists[HW_PHASE_DISSOLVING].records = h->dissolving + place;
     uint32_t count = hw_cull_visible(&records->far_bounds, out->frustum, visible);
     for (uint32_t i = 0; i < count; i++) {
         uint32_t record = visible[i];
@@ -137,7 +134,7 @@ static void list_far(hybrid *h, far_lists *out, int32_t level, uint32_t first, u
         hw_kept kept = hw_crossing_kept(&out->cells->crossing, first, end, turn);
         if (hw_kept_none(kept))
             continue;
-        add_record(&list->parts[hw_kept_phase(kept)], records, record);
+        add_record(&lists[hw_kept_phase(kept)], record);
         far_uniform *uniform = &h->far[place + record];
         hw_mat4 product = hw_mat4_mul(*out->matrix, far->matrix);
         hw_mat4_to_float(&product, uniform->clip);
@@ -161,27 +158,24 @@ static void list_all(hybrid *h, far_lists *out)
     }
 }
 
-static void draw_views(hybrid *h, const far_list *list, const far_part *part,
-                       const hw_far_views_frame *frame)
+static void draw_views(hybrid *h, const far_list *list, const hw_far_views_frame *frame)
 {
-    if (part->multi_count == 0)
+    if (list->multi_count == 0)
         return;
     glBindTexture(GL_TEXTURE_2D, list->cell->atlas.name);
     glBindVertexArray(list->cell->array);
     const far_uniform *uniforms = h->far + (size_t)list->first_page * HW_FAR_PAGE_RECORDS;
-    for (uint32_t i = 0; i < part->multi_count; i++)
-        hw_far_views_gl_draw(&h->far_views, frame, list->cell, part->records[i],
-                             uniforms[part->records[i]].kept);
+    for (uint32_t i = 0; i < list->multi_count; i++)
+        hw_far_views_gl_draw(&h->far_views, frame, list->cell, list->records[i],
+                             uniforms[list->records[i]].kept);
 }
 
-// Draws the SVMeshes of a part of the list that are cut out, or those that are not, page by page.
-static void draw_part(hybrid *h, const far_list *list, int phase, bool cut_out,
+// Draws the SVMeshes of the list that are cut out, or those that are not, page by page.
+static void draw_list(hybrid *h, const far_list *list, const far_program *program, bool cut_out,
                       hw_frame_stats *stats)
 {
-    const far_part *part = &list->parts[phase];
-    const far_program *program = &h->far_programs[cut_out][phase];
-    uint32_t begin = cut_out ? part->opaque_count : part->multi_count;
-    uint32_t end = cut_out ? part->count : part->opaque_count;
+    uint32_t begin = cut_out ? list->opaque_count : list->multi_count;
+    uint32_t end = cut_out ? list->count : list->opaque_count;
     if (begin == end)
         return;
     glUseProgram(program->name);
@@ -189,9 +183,9 @@ static void draw_part(hybrid *h, const far_list *list, int phase, bool cut_out,
     glBindVertexArray(list->cell->array);
     for (uint32_t i = begin + 1; i <= end; i++) {
         if (i < end &&
-            part->records[i] / HW_FAR_PAGE_RECORDS == part->records[begin] / HW_FAR_PAGE_RECORDS)
+            list->records[i] / HW_FAR_PAGE_RECORDS == list->records[begin] / HW_FAR_PAGE_RECORDS)
             continue;
-        draw_page(h, program, list, part, begin, i, stats);
+        draw_page(h, program, list, begin, i, stats);
         begin = i;
     }
 }
@@ -212,10 +206,11 @@ void hw_hybrid_draw_far(hybrid *h, const frame_cells *cells, hw_vec3 eye, const 
     hw_debug_tint(h->debug, HW_REPRESENTATION_MVMESH);
     for (int phase = 0; phase < HW_PHASES; phase++)
         for (uint32_t i = 0; i < far.count; i++)
-            draw_views(h, &far.lists[i], &far.lists[i].parts[phase], &frame);
+            draw_views(h, &far.lists[i][phase], &frame);
     hw_debug_tint(h->debug, HW_REPRESENTATION_SVMESH);
     for (int cut_out = 0; cut_out < 2; cut_out++)
         for (int phase = 0; phase < HW_PHASES; phase++)
             for (uint32_t i = 0; i < far.count; i++)
-                draw_part(h, &far.lists[i], phase, cut_out, stats);
+                draw_list(h, &far.lists[i][phase], &h->far_programs[cut_out][phase], cut_out,
+                          stats);
 }
