@@ -36,7 +36,7 @@ typedef struct hw_manifest {
     uint32_t mesh_count, texture_count, object_count, cell_count;
     hw_manifest_object *objects;
     hw_manifest_cell *cells;
-    bool clusters; // far records may stand for several objects
+    bool clusters;                     // far records may stand for several objects
     uint32_t shard_index, shard_count; // of a shard's manifest (shard.h); count 0: of the whole
 } hw_manifest;
 
