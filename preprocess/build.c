@@ -58,11 +58,11 @@ hw_build_options hw_build_defaults(void)
         .levels = 0,
         .z_min = 8,
         .z_max = 16,
-        .near_error_px = 0.27,
+        .near_error_px = 0.36,
         .far = {.policy = &hw_policy_screen,
                 .self_occlusion_px = 20,
                 .edge_length_px = 4.5,
-                .outline_px = 0.085,
+                .outline_px = 0.045,
                 .interior_px = 5,
                 .multi_textured_px = 120,
                 .multi_view_count = 3,
@@ -247,6 +247,7 @@ static hw_status make_chain(void *context, uint64_t index, uint32_t thread)
     build *b = context;
     uint32_t m = b->mesh_order[index], triangles = b->scene.meshes[m].index_count / 3;
     hw_chain_options options = b->options->chain;
+    options.shade_step = b->scene.meshes[m].uvs ? 0 : HW_NEAR_LEVEL_STRIDE;
     options.threads = thread_count(b);
     uint64_t bytes = (uint64_t)triangles * CHAIN_BYTES;
     HW_TRY(hw_budget_reserve(b->budget, bytes));

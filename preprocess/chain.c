@@ -1,6 +1,7 @@
 #include "chain.h"
 #include "alloc.h"
 #include "deviation.h"
+#include "fit_shading.h"
 #include "importance.h"
 #include "parallel.h"
 #include "pull_back.h"
@@ -36,7 +37,7 @@ void hw_chain_free(hw_chain *chain)
     memset(chain, 0, sizeof *chain);
 }
 
-// Pulls vertices back, takes colours over, and measures.
+// Pulls vertices back, takes shading over, and measures.
 static hw_status finish_level(void *context, uint64_t index, uint32_t thread)
 {
     (void)thread;
@@ -46,6 +47,8 @@ static hw_status finish_level(void *context, uint64_t index, uint32_t thread)
     hw_mesh_level_info *info = &m->chain->infos[l];
     HW_TRY(hw_pull_back(level, m->original, m->rays, m->options.pull_back, 1));
     HW_TRY(hw_mesh_compute_normals(level));
+    if (m->options.shade_step && l % m->options.shade_step == 0)
+        HW_TRY(hw_fit_shading(level, m->original, m->rays));
     hw_deviation surface;
     float outline;
     HW_TRY(hw_surface_deviation(m->rays, m->original, level, DEVIATION_SAMPLES, l, &surface));

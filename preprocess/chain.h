@@ -6,9 +6,9 @@
 
 // levels[0] is the original. Each further level has about 2^(-1/4) times the faces of the one
 // before; errors never fall with the level. Levels carry positions, normals recomputed from their
-// own geometry, and colours taken from the closest point of the original. A mesh with uvs has no
-// further levels to draw (seams cannot be kept), but its levels still serve as geometry for
-// captures.
+// own geometry, and colours taken from the closest point of the original, or both fitted to the
+// original's (fit_shading.h). A mesh with uvs has no further levels to draw (seams cannot be kept),
+// but its levels still serve as geometry for captures.
 typedef struct hw_chain {
     uint32_t level_count;
     hw_mesh *levels;
@@ -19,7 +19,8 @@ typedef struct hw_chain_options {
     uint32_t face_floor;    // coarsest level; 0 = 40
     float importance_floor; // of silhouette importance; 0 = 0.05, 1 switches it off
     float pull_back; // each vertex's way back to the closest point of the original; negative = 0.25
-    uint32_t threads; // 0 = default
+    uint32_t shade_step; // every so many-th level is to be drawn: its shading is fitted; 0: none
+    uint32_t threads;    // 0 = default
 } hw_chain_options;
 
 // Memoryless quadrics weighted by silhouette importance, free placement; vertices of a snapshot are

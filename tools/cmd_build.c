@@ -11,8 +11,8 @@ static const char *output, *json_file, *policy = "screen", *shard, *along, *heig
                                        *occlusion = "off", *clusters = "off", *mvmesh_blend = "off";
 static uint64_t threads, memory, levels, texture_side = 1024, every = 1, mvmesh_views = 3;
 static hw_tour tour; // of --along
-static double cell_size = 50, self_occlusion, edge_length = 4.5, near_error = 0.27,
-              outline_error = 0.085, interior_error = 5, impostor = 1, mvmesh_limit,
+static double cell_size = 50, self_occlusion, edge_length = 4.5, near_error = 0.36,
+              outline_error = 0.045, interior_error = 5, impostor = 1, mvmesh_limit,
               mvmesh_textured = 120, mvmesh_outline = 0.03, mvmesh_interior = 3,
               cluster_error = 10;
 static atomic_bool stop;
