@@ -2,8 +2,8 @@
 
 #include "ambient.h"
 
-// A sphere standing on the ground hides nothing from itself; the ground, half as bright as the sky, fills (1 - n.z) / 2 of
-// the cosine-weighted hemisphere.
+// A sphere standing on the ground hides nothing from itself; the ground, half as bright as the sky,
+// fills (1 - n.z) / 2 of the cosine-weighted hemisphere.
 static void test_sphere_on_the_ground(void **state)
 {
     (void)state;

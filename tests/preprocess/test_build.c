@@ -142,12 +142,12 @@ static void far_meshes_lie_on_their_objects(void **state)
                 h[r] = m.m[r] * p->x + m.m[4 + r] * p->y + m.m[8 + r] * p->z + m.m[12 + r];
             hw_vec3 world = hw_v3((float)(h[0] / h[3]), (float)(h[1] / h[3]), (float)(h[2] / h[3]));
             hw_vec3 centre = hw_box_centre(manifest.objects[record->object_idx].bounds);
-            // Interiors may be off by 2 px of parallax, focal * cell size * (1 / near - 1 / far),
-            // and a little more where patches meet.
+            // Interiors may be off by interior_px of parallax, focal * cell size *
+            // (1 / near - 1 / far).
             double off = fabs((double)hw_v3_length(hw_v3_sub(world, centre)) - 6);
             double depth = hw_v3_length(hw_v3_sub(centre, cell.centre));
             double parallax_px = 886.8 * manifest.grid.cell_size * off / (depth * depth);
-            assert_true(parallax_px < 3);
+            assert_true(parallax_px < hw_build_defaults().far.interior_px);
             checked++;
         }
         hw_cell_free(&cell);
