@@ -87,6 +87,7 @@ static far_list list_far(hybrid *h, const hw_cell_gpu *cell, hw_fade fade, const
                      .fade = fade};
     uint32_t *visible = h->visible + list.first_visible;
     list.count = hw_cull_visible(&cell->records->far_bounds, frustum, visible);
+    list.count = hw_hybrid_hide_far(h, cell, visible, list.count);
     for (uint32_t i = 0; i < list.count; i++) {
         const hw_far_draw *far = &cell->records->far[visible[i]];
         list.multi_count += visible[i] < cell->records->multi_count;
