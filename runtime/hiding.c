@@ -7,7 +7,7 @@
 #define TILES_MAX 128u  // along each side
 #define MARGIN    0.125 // bits by which what hides is smaller: rasterisers round
 #define REACH     1.0   // bits by which what may be hidden is larger
-#define AREA_MIN  256.0 // bits that a box must cover to be worth the time
+#define AREA_MIN  512.0 // bits that a box must cover to be worth the time
 #define FRONTS    3u    // faces of a box that one sees, at most
 #define FACES     6u
 #define NEARER    1e-4      // part of a distance by which what hides must be nearer
@@ -44,6 +44,17 @@ hw_status hw_hiding_create(hw_hiding **out)
 void hw_hiding_destroy(hw_hiding *hiding)
 {
     hw_free(hiding);
+}
+
+// The library's fmin and fmax are calls, for the sake of NaNs.
+static inline double least(double a, double b)
+{
+    return a < b ? a : b;
+}
+
+static inline double most(double a, double b)
+{
+    return a > b ? a : b;
 }
 
 static double dot(const double a[3], const double b[3])
@@ -122,11 +133,11 @@ static place place_of(const hw_hiding *h, const hw_mat4 *transform, hw_box box)
         double w = dot(d, h->forward);
         double uv[2] = {(dot(d, h->right) / w - h->left) / h->step,
                         (dot(d, h->down) / w - h->top) / h->step};
-        p.least = fmin(p.least, w);
-        p.most = fmax(p.most, w);
+        p.least = least(p.least, w);
+        p.most = most(p.most, w);
         for (int k = 0; k < 2; k++) {
-            p.low[k] = fmin(p.low[k], uv[k]);
-            p.high[k] = fmax(p.high[k], uv[k]);
+            p.low[k] = least(p.low[k], uv[k]);
+            p.high[k] = most(p.high[k], uv[k]);
         }
     }
     return p;
@@ -226,11 +237,14 @@ static span span_of(const edge *edges, uint32_t count, uint32_t row, uint32_t wi
         if (edges[i].level)
             high = at >= 0 ? high : 0;
         else if (edges[i].begins)
-            low = fmax(low, at);
+            low = most(low, at);
         else
-            high = fmin(high, at + 1);
+            high = least(high, at + 1);
     }
-    return low < high ? (span){(int32_t)ceil(low), (int32_t)floor(high)} : (span){0, 0};
+    if (!(low < high))
+        return (span){0, 0};
+    int32_t first = (int32_t)low;
+    return (span){first + (first < low), (int32_t)high};
 }
 
 // The bits of eight spans that lie in the tile that begins at bit `first`.
@@ -250,13 +264,13 @@ static uint64_t tile_mask(const span spans[TILE], int32_t first)
 // The farthest of the faces within a tile.
 static float tile_depth(const faces *f, uint32_t column, uint32_t row)
 {
-    double least = INFINITY;
+    double depth = INFINITY;
     for (uint32_t i = 0; i < f->front_count; i++) {
         const line *l = &f->front[i];
-        least = fmin(least, l->c + l->a * TILE * (column + (l->a < 0)) +
-                                l->b * TILE * (row + (l->b < 0)));
+        depth = least(depth, l->c + l->a * TILE * (column + (l->a < 0)) +
+                                 l->b * TILE * (row + (l->b < 0)));
     }
-    return (float)least;
+    return (float)depth;
 }
 
 static void cover(tile *t, uint64_t mask, float depth)
@@ -266,7 +280,7 @@ static void cover(tile *t, uint64_t mask, float depth)
     if (mask == UINT64_MAX) {
         t->whole = depth;
     } else {
-        t->part = t->mask ? fminf(t->part, depth) : depth;
+        t->part = t->mask && t->part < depth ? t->part : depth;
         t->mask |= mask;
         if (t->mask == UINT64_MAX)
             t->whole = t->part;
@@ -277,16 +291,22 @@ static void cover(tile *t, uint64_t mask, float depth)
 
 static void cover_tiles(hw_hiding *h, const faces *f, const span spans[TILE], uint32_t row)
 {
-    int32_t low = INT32_MAX, high = 0;
+    int32_t low = INT32_MAX, high = 0;                // of the tiles that are touched
+    int32_t full_low = 0, full_high = INT32_MAX;      // of those that are covered
     for (uint32_t r = 0; r < TILE; r++) {
+        full_low = spans[r].low > full_low ? spans[r].low : full_low;
+        full_high = spans[r].high < full_high ? spans[r].high : full_high;
         if (spans[r].low >= spans[r].high)
             continue;
         low = spans[r].low < low ? spans[r].low : low;
         high = spans[r].high > high ? spans[r].high : high;
     }
-    for (int32_t c = low / (int32_t)TILE; c * (int32_t)TILE < high; c++)
-        cover(&h->tiles[row * h->columns + (uint32_t)c], tile_mask(spans, c * (int32_t)TILE),
-              tile_depth(f, (uint32_t)c, row));
+    for (int32_t at = low / (int32_t)TILE * (int32_t)TILE; at < high; at += (int32_t)TILE) {
+        uint32_t column = (uint32_t)at / TILE;
+        bool full = at >= full_low && at + (int32_t)TILE <= full_high;
+        cover(&h->tiles[row * h->columns + column], full ? UINT64_MAX : tile_mask(spans, at),
+              tile_depth(f, column, row));
+    }
 }
 
 void hw_hiding_add(hw_hiding *h, const hw_mat4 *transform, hw_box box)

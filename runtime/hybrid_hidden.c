@@ -8,6 +8,24 @@ static bool hides(const hybrid *h, const near_draw *draw)
            (double)draw->distance > 2 * hw_hiding_near_reach(h->hiding);
 }
 
+static const hw_mat4 *transform_of(const hybrid *h, const near_draw *draw)
+{
+    return &h->manifest.objects[draw->object_idx].transform;
+}
+
+static void add(hybrid *h, const near_draw *draw)
+{
+    const hw_near_inside *inside = &draw->level->inside;
+    for (uint32_t k = 0; k < inside->box_count; k++)
+        hw_hiding_add(h->hiding, transform_of(h, draw), inside->boxes[k]);
+}
+
+static bool is_hidden(const hybrid *h, const near_draw *draw)
+{
+    return draw->level &&
+           hw_hiding_hides(h->hiding, transform_of(h, draw), draw->level->inside.bounds);
+}
+
 void hw_hybrid_hide_near(hybrid *h, const hw_camera *camera, uint32_t *count)
 {
     uint32_t left = 0;
@@ -16,18 +34,12 @@ void hw_hybrid_hide_near(hybrid *h, const hw_camera *camera, uint32_t *count)
     if (!h->hides)
         return;
     hw_hiding_begin(h->hiding, camera);
+    for (uint32_t i = 0; i < *count; i++)
+        if (hides(h, &h->near[i]) && !is_hidden(h, &h->near[i]))
+            add(h, &h->near[i]);
     for (uint32_t i = 0; i < *count; i++) {
-        const near_draw *draw = &h->near[i];
-        const hw_manifest_object *object = &h->manifest.objects[draw->object_idx];
-        for (uint32_t k = 0; hides(h, draw) && k < draw->level->inside.box_count; k++)
-            hw_hiding_add(h->hiding, &object->transform, draw->level->inside.boxes[k]);
-    }
-    for (uint32_t i = 0; i < *count; i++) {
-        const near_draw *draw = &h->near[i];
-        const hw_manifest_object *object = &h->manifest.objects[draw->object_idx];
-        bool hidden = draw->level && hw_hiding_hides(h->hiding, &object->transform,
-                                                     draw->level->inside.bounds);
-        h->near[left] = *draw;
+        bool hidden = is_hidden(h, &h->near[i]);
+        h->near[left] = h->near[i];
         left += !hidden;
         h->hidden_count += hidden;
     }

@@ -11,7 +11,7 @@ typedef struct near_vertex {
 } near_vertex;
 _Static_assert(sizeof(near_vertex) == 24, "a near vertex is 24 bytes");
 
-#define INSIDE_TRIANGLES_MAX 50000u // of a level that is looked into: it takes time
+#define INSIDE_TRIANGLES_MAX 15000u // of a level that is looked into: up to 15 ms
 
 #define SMALL_VERTICES 65536u // indices of 16 bits suffice
 

@@ -105,8 +105,10 @@ static range range_of(const voxels *v, hw_box box)
     const float slack = 1e-3f; // more than the rounding of coordinates
     range r;
     for (int k = 0; k < 3; k++) {
-        r.low[k] = (uint32_t)fmaxf(a[k] - slack, 0);
-        r.high[k] = (uint32_t)fminf(b[k] + slack, (float)v->n[k] - 1) + 1;
+        // The library's fminf and fmaxf are calls.
+        float from = a[k] - slack, to = b[k] + slack, last = (float)v->n[k] - 1;
+        r.low[k] = from > 0 ? (uint32_t)from : 0;
+        r.high[k] = (uint32_t)(to < last ? to : last) + 1;
     }
     return r;
 }
@@ -336,8 +338,8 @@ static float reach_to(const hw_box *box, int axis, bool upper, const hw_vec3 t[3
     float first = INFINITY, last = -INFINITY;
     for (int k = 0; k < 3; k++) {
         float out = sign * (part(t[k], axis) - side);
-        first = fminf(first, out);
-        last = fmaxf(last, out);
+        first = out < first ? out : first;
+        last = out > last ? out : last;
         polygon[0][k] = t[k];
     }
     if (last < 0 || first >= reach)
