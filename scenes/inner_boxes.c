@@ -364,9 +364,10 @@ static float reach_to(const hw_box *box, int axis, bool upper, const hw_vec3 t[3
 
 static void fit_side(const hw_mesh *mesh, float margin, int axis, bool upper, hw_box *box)
 {
-    // The box, a margin wider than it is, meets nothing on its way.
-    hw_box wide = {hw_v3_sub(box->min, hw_v3(margin, margin, margin)),
-                   hw_v3_add(box->max, hw_v3(margin, margin, margin))};
+    // The box, somewhat wider than it is, meets nothing on its way; less than by the margin, or the
+    // sides that have come to theirs would be in its way.
+    hw_vec3 more = hw_v3(margin / 2, margin / 2, margin / 2);
+    hw_box wide = {hw_v3_sub(box->min, more), hw_v3_add(box->max, more)};
     *part_of(upper ? &wide.max : &wide.min, axis) = part(upper ? box->max : box->min, axis);
     float reach = INFINITY;
     for (uint32_t i = 0; i < mesh->index_count; i += 3) {
