@@ -377,9 +377,9 @@ static hw_status search_again(hw_occlusion *o, hw_cell_id id, int round, bool *s
     hw_cell_corners(&o->grid, id, corners);
     for (uint32_t k = 0; k < s.open_count; k++)
         if (sides[k])
-            seen[s.open[k].object_idx] = look_through(&s, &s.open[k], corners, sides[k], round,
-                                                      packets) ||
-                                         follow_up(&s, &s.open[k], packets, (uint32_t)round);
+            seen[s.open[k].object_idx] =
+                look_through(&s, &s.open[k], corners, sides[k], round, packets) ||
+                follow_up(&s, &s.open[k], packets, (uint32_t)round);
 out:
     hw_free(s.open);
     hw_free(sides);

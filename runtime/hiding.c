@@ -10,8 +10,8 @@
 #define AREA_MIN  512.0 // bits that a box must cover to be worth the time
 #define FRONTS    3u    // faces of a box that one sees, at most
 #define FACES     6u
-#define NEARER    1e-4      // part of a distance by which what hides must be nearer
-#define STEPS     0x1p-21   // of the range of depths, too: a depth buffer of 24 bits rounds
+#define NEARER    1e-4    // part of a distance by which what hides must be nearer
+#define STEPS     0x1p-21 // of the range of depths, too: a depth buffer of 24 bits rounds
 #define EDGES_MAX (FRONTS * FACES + FRONTS)
 
 // Depths are inverse (1 / w), which is linear over the picture; 0 is infinitely far.
@@ -291,8 +291,8 @@ static void cover(tile *t, uint64_t mask, float depth)
 
 static void cover_tiles(hw_hiding *h, const faces *f, const span spans[TILE], uint32_t row)
 {
-    int32_t low = INT32_MAX, high = 0;                // of the tiles that are touched
-    int32_t full_low = 0, full_high = INT32_MAX;      // of those that are covered
+    int32_t low = INT32_MAX, high = 0;           // of the tiles that are touched
+    int32_t full_low = 0, full_high = INT32_MAX; // of those that are covered
     for (uint32_t r = 0; r < TILE; r++) {
         full_low = spans[r].low > full_low ? spans[r].low : full_low;
         full_high = spans[r].high < full_high ? spans[r].high : full_high;

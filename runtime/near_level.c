@@ -125,8 +125,8 @@ hw_status hw_near_level_create(hw_gpu_account *account, const hw_near_data *data
 {
     hw_status status = HW_OK;
     *upload = (hw_upload){0};
-    *out = (hw_near_level){.has_uvs = data->has_uvs, .index_count = data->index_count,
-                            .inside = data->inside};
+    *out = (hw_near_level){
+        .has_uvs = data->has_uvs, .index_count = data->index_count, .inside = data->inside};
     out->index_type = data->index_bytes == 2 ? GL_UNSIGNED_SHORT : GL_UNSIGNED_INT;
     glGenVertexArrays(1, &out->array);
     glBindVertexArray(out->array);

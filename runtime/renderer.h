@@ -42,9 +42,9 @@ typedef struct hw_frame_stats {
     uint64_t triangles; // sent to GL
     uint32_t draws;
     uint32_t near_triangles, far_triangles; // C only
-    uint32_t hidden; // C only: near and far objects in view left out, hidden by near ones
-    uint32_t stalls;                        // 1 if this frame waited for data
-    uint64_t loaded_bytes;                  // read from disk by this frame
+    uint32_t hidden;       // C only: near and far objects in view left out, hidden by near ones
+    uint32_t stalls;       // 1 if this frame waited for data
+    uint64_t loaded_bytes; // read from disk by this frame
     double load_ms;
     int32_t cell_q, cell_r, cell_level; // C only
     hw_stream_stats stream;             // C only

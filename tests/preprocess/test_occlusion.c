@@ -165,8 +165,8 @@ static void what_meets_the_cell_is_seen(void **state)
     stage_free(&s);
 }
 
-// What a cell's own rays miss is looked for where its neighbours see it: a few eyes of each cell are
-// enough then to find most views through a slit.
+// What a cell's own rays miss is looked for where its neighbours see it: a few eyes of each cell
+// are enough then to find most views through a slit.
 static void neighbours_tell_what_to_look_for(void **state)
 {
     (void)state;

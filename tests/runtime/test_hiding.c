@@ -1,5 +1,5 @@
-// What boxes hide in a picture, judged by rays: nothing that a ray of any pixel reaches may count as
-// hidden, and what is plainly hidden must.
+// What boxes hide in a picture, judged by rays: nothing that a ray of any pixel reaches may count
+// as hidden, and what is plainly hidden must.
 #include "hiding.h"
 #include "models.h"
 #include "rng.h"
@@ -46,9 +46,9 @@ static void walls_hide_what_is_behind(void **state)
     } cases[] = {
         {{box(50, -30, -10, 53, 30, 20)}, box(100, -10, -5, 110, 10, 15), true},
         {{box(50, -30, -10, 53, 30, 20)}, box(100, -10, -5, 110, 10, 45), false}, // rises above
-        {{box(50, -30, -10, 53, 30, 20)}, box(100, 55, -5, 110, 65, 15), false}, // beside its end
-        {{box(50, -30, -10, 53, 30, 20)}, box(30, -10, -5, 40, 10, 5), false},   // before it
-        {{box(50, -30, -10, 53, 30, 20)}, box(52, -10, -5, 80, 10, 5), true},    // stands in it
+        {{box(50, -30, -10, 53, 30, 20)}, box(100, 55, -5, 110, 65, 15), false},  // beside its end
+        {{box(50, -30, -10, 53, 30, 20)}, box(30, -10, -5, 40, 10, 5), false},    // before it
+        {{box(50, -30, -10, 53, 30, 20)}, box(52, -10, -5, 80, 10, 5), true},     // stands in it
         {{box(50, -30, -10, 53, 0.5f, 20), box(50, -0.5f, -10, 53, 30, 20)},
          box(100, -10, -5, 110, 10, 15),
          true}, // two pieces that overlap

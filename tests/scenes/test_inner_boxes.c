@@ -1,6 +1,6 @@
 // Boxes inside closed meshes: wholly inside, and nearly as large as can be.
-#include "inner_boxes.h"
 #include "../preprocess/shapes.h"
+#include "inner_boxes.h"
 
 static double volume(hw_box b)
 {

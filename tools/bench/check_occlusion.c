@@ -163,8 +163,7 @@ static hw_status choose_cells(check *c)
     hw_rng rng = hw_rng_make(c->seed, 1);
     HW_TRY(HW_NEW(&c->chosen, all));
     for (uint32_t i = 0; i < all; i++)
-        if (!c->dataset ||
-            hw_manifest_find_cell(&c->manifest, hw_hexgrid_cell(&c->grid, i), NULL))
+        if (!c->dataset || hw_manifest_find_cell(&c->manifest, hw_hexgrid_cell(&c->grid, i), NULL))
             c->chosen[n++] = i;
     c->cells = c->cells < n ? c->cells : n;
     for (uint32_t i = 0; i < c->cells; i++) {
