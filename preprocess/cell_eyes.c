@@ -5,7 +5,7 @@
 
 // Of sixteen eyes so many lie on the upper rim, on the sides, ...
 #define CYCLE 16u
-enum { RIM = 9, SIDES = RIM + 3, LOWER_RIM = SIDES + 1, TOP = LOWER_RIM + 2 }; // the rest: bottom
+enum { RIM = 5, SIDES = RIM + 5, LOWER_RIM = SIDES + 3, TOP = LOWER_RIM + 2 }; // the rest: bottom
 
 // Roberts, The Unreasonable Effectiveness of Quasirandom Sequences, 2018; the steps are powers of
 // the root of x^7 = x + 1.

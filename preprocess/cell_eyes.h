@@ -5,8 +5,8 @@
 
 // Writes `count` eyes of a cell of level 0: its upper corners, its lower ones, then points spread
 // over its surface, evenly however many are taken. Whatever can be seen from a cell can be seen
-// from its surface: where the line of sight leaves it. More than half lie on the upper rim, from
-// where most is seen over and beside things.
+// from its surface: where the line of sight leaves it. A third lie on the upper rim, from where
+// most is seen over things, and a fifth on the lower, from where one sees through under things.
 void hw_cell_eyes(const hw_hexgrid *grid, hw_cell_id id, uint32_t count, hw_vec3 *eyes);
 
 // Element i of an additive recurrence in dimension k (0 to 5), in [0, 1): evenly spread however

@@ -10,7 +10,9 @@
 #define WIDE       3.0 // margins round an object within which a ray is close
 #define SEEDS      8u  // rays to an object that are followed up, the last found
 #define FOLLOW_UPS 4u  // packets after one that came close, for each eye
-#define MORE_EYES  15u // times the eyes, from which objects are looked for once more, at most
+#define MORE_MAX   64u // packets for each eye that are aimed at one object once more, at most
+#define SIDES      6u  // of a cell
+#define ROUNDS     3   // a cell by itself, then with what its neighbours saw in the round before
 #define STEP_MAX   0.2 // of a ray's ends when it is followed up, in cell sizes
 #define OCTAVES    8.0 // by which the least step is smaller
 
@@ -20,12 +22,13 @@ struct hw_occlusion {
     hw_hexgrid grid;
     hw_occlusion_options options;
     pthread_mutex_t mutex;
-    bool **seen; // per cell of level 0, once asked for; guarded by mutex
+    // What is seen from each cell of level 0, once asked for, after each round; guarded by mutex.
+    bool **seen[ROUNDS];
 };
 
 hw_occlusion_options hw_occlusion_defaults(void)
 {
-    return (hw_occlusion_options){.eyes = 256, .more = 64, .face_eyes = 96, .margin = 0.1};
+    return (hw_occlusion_options){.eyes = 64, .more = 1024, .face_eyes = 96, .margin = 0.1};
 }
 
 hw_status hw_occlusion_create(hw_occlusion **out, const hw_scene *scene, const hw_rays *rays,
@@ -40,7 +43,8 @@ hw_status hw_occlusion_create(hw_occlusion **out, const hw_scene *scene, const h
     o->grid = *grid;
     o->options = *options;
     HW_GO(hw_sights_create(&o->sights, scene, rays));
-    HW_GO(HW_NEW(&o->seen, hw_hexgrid_cell_count(grid)));
+    for (int r = 0; r < ROUNDS; r++)
+        HW_GO(HW_NEW(&o->seen[r], hw_hexgrid_cell_count(grid)));
     *out = o;
     o = NULL;
 out:
@@ -52,9 +56,11 @@ void hw_occlusion_destroy(hw_occlusion *o)
 {
     if (!o)
         return;
-    for (uint32_t i = 0; o->seen && i < hw_hexgrid_cell_count(&o->grid); i++)
-        hw_free(o->seen[i]);
-    hw_free(o->seen);
+    for (int r = 0; r < ROUNDS; r++) {
+        for (uint32_t i = 0; o->seen[r] && i < hw_hexgrid_cell_count(&o->grid); i++)
+            hw_free(o->seen[r][i]);
+        hw_free(o->seen[r]);
+    }
     hw_sights_destroy(o->sights);
     pthread_mutex_destroy(&o->mutex);
     hw_free(o);
@@ -241,70 +247,152 @@ static bool follow_up(const search *s, target *t, uint32_t packets, uint32_t pas
     return false;
 }
 
-// Looks from eyes first to before end, then follows up.
-static void search_pass(search *s, const hw_vec3 *eyes, uint32_t first, uint32_t end,
-                        uint32_t packets, uint32_t pass)
+// Drops the objects that have been found from the search.
+static void drop_found(search *s)
 {
     uint32_t left = 0;
-    for (uint32_t i = first; i < end && s->open_count > 0; i++)
-        look_from(s, eyes[i], i);
-    for (uint32_t k = 0; k < s->open_count; k++) {
-        target *t = &s->open[k];
-        s->seen[t->object_idx] = follow_up(s, t, packets, pass);
-        if (!s->seen[t->object_idx])
-            s->open[left++] = *t;
-    }
+    for (uint32_t k = 0; k < s->open_count; k++)
+        if (!s->seen[s->open[k].object_idx])
+            s->open[left++] = s->open[k];
     s->open_count = left;
 }
 
-// Where few objects are hidden there is time to look for each of them longer.
-static hw_status search_cell(const hw_occlusion *o, hw_cell_id id, bool *seen)
+// What a cell sees by its own rays: from everywhere on its surface, to every object.
+static hw_status search_first(hw_occlusion *o, hw_cell_id id, bool *seen)
 {
     hw_status status = HW_OK;
     search s = {.occlusion = o, .id = id, .seen = seen};
     uint32_t count = o->options.eyes;
     hw_vec3 *eyes = NULL;
     HW_GO(search_make(&s));
-    HW_GO(HW_NEW(&eyes, (size_t)count * (1 + MORE_EYES)));
-    hw_cell_eyes(&o->grid, id, count * (1 + MORE_EYES), eyes);
-    search_pass(&s, eyes, 0, count, FOLLOW_UPS * count, 0);
-    if (s.open_count > 0 && o->options.more > 0) {
-        uint32_t packets = o->options.more * count / s.open_count, more = MORE_EYES * count;
-        search_pass(&s, eyes, count, count + (packets < more ? packets : more), packets, 1);
-    }
+    HW_GO(HW_NEW(&eyes, count));
+    hw_cell_eyes(&o->grid, id, count, eyes);
+    for (uint32_t i = 0; i < count && s.open_count > 0; i++)
+        look_from(&s, eyes[i], i);
+    for (uint32_t k = 0; k < s.open_count; k++)
+        seen[s.open[k].object_idx] = follow_up(&s, &s.open[k], FOLLOW_UPS * count, 0);
 out:
     hw_free(s.open);
     hw_free(eyes);
     return status;
 }
 
+// ---- neighbours ------------------------------------------------------------------------------
+
+static hw_status search_again(hw_occlusion *o, hw_cell_id id, int round, bool *seen);
+
+// What a cell of level 0 sees after a round. Searched for once only, or by several threads to the
+// same end. *out is the occlusion's.
+static hw_status remember(hw_occlusion *o, int round, hw_cell_id id, const bool **out)
+{
+    bool **slot = &o->seen[round][hw_hexgrid_index(&o->grid, id)], *own = NULL;
+    pthread_mutex_lock(&o->mutex);
+    *out = *slot;
+    pthread_mutex_unlock(&o->mutex);
+    if (*out)
+        return HW_OK;
+    HW_TRY(HW_NEW(&own, o->scene->object_count));
+    hw_status status = round == 0 ? search_first(o, id, own) : search_again(o, id, round, own);
+    if (status != HW_OK) {
+        hw_free(own);
+        return status;
+    }
+    pthread_mutex_lock(&o->mutex);
+    if (*slot)
+        hw_free(own);
+    else
+        *slot = own;
+    *out = *slot;
+    pthread_mutex_unlock(&o->mutex);
+    return HW_OK;
+}
+
+// Point i of a side of the cell; half of them lie on its edges, below and above.
+static hw_vec3 side_eye(const hw_vec3 corners[HW_CELL_CORNERS], uint32_t side, uint32_t i)
+{
+    hw_vec3 a = corners[side], b = corners[(side + 1) % SIDES];
+    hw_vec3 eye = hw_v3_mad(a, hw_v3_sub(b, a), (float)hw_spread(i, 5, 0));
+    float low = corners[0].z, high = corners[SIDES].z;
+    eye.z = i % 4 == 0 ? low : i % 4 == 1 ? high : blend(low, high, hw_spread(i, 1, 0));
+    return eye;
+}
+
+// Packets from the sides with a bit in `sides` to a target.
+static bool look_through(const search *s, target *t, const hw_vec3 corners[HW_CELL_CORNERS],
+                         uint32_t sides, int round, uint32_t packets)
+{
+    uint32_t list[SIDES], count = 0;
+    for (uint32_t i = 0; i < SIDES; i++)
+        if (sides >> i & 1)
+            list[count++] = i;
+    uint32_t first = packets * (uint32_t)(round - 1); // others in each round
+    for (uint32_t i = first; i < first + packets; i++) {
+        hw_vec3 points[HW_RAYS_PACKET], eye = side_eye(corners, list[i % count], i / count);
+        for (uint32_t n = 0; n < HW_RAYS_PACKET; n++)
+            points[n] = point_at(t, n < HW_RAYS_PACKET / 2, eye, i * HW_RAYS_PACKET + n);
+        if (arrives(s->occlusion, t, eye, points))
+            return true;
+    }
+    return false;
+}
+
+// What the cells beyond its sides see after a round; NULL where there is none.
+static hw_status ask_neighbours(hw_occlusion *o, int round, hw_cell_id id, const bool *seen[SIDES])
+{
+    hw_cell_id around[SIDES];
+    hw_cell_neighbours(id, around);
+    for (uint32_t i = 0; i < SIDES; i++) {
+        seen[i] = NULL;
+        if (hw_hexgrid_contains(&o->grid, around[i]))
+            HW_TRY(remember(o, round, around[i], &seen[i]));
+    }
+    return HW_OK;
+}
+
+// A line of sight leaves the cell through a side, or its top: what is seen is seen from a point of
+// that side, and so from the cell beyond it. So what a neighbour sees and the cell does not, as far
+// as is known, is looked for from their common side, for as long as there is time.
+static hw_status search_again(hw_occlusion *o, hw_cell_id id, int round, bool *seen)
+{
+    hw_status status = HW_OK;
+    search s = {.occlusion = o, .id = id, .seen = seen};
+    const bool *before, *beyond[SIDES];
+    hw_vec3 corners[HW_CELL_CORNERS];
+    uint32_t *sides = NULL, doubtful = 0, packets = o->options.more * o->options.eyes;
+    HW_GO(remember(o, round - 1, id, &before));
+    HW_GO(search_make(&s));
+    memcpy(seen, before, o->scene->object_count * sizeof *seen);
+    drop_found(&s);
+    HW_GO(HW_NEW(&sides, s.open_count));
+    if (s.open_count > 0 && packets > 0)
+        HW_GO(ask_neighbours(o, round - 1, id, beyond));
+    for (uint32_t k = 0; k < s.open_count && packets > 0; k++) {
+        for (uint32_t i = 0; i < SIDES; i++)
+            sides[k] |= (uint32_t)(beyond[i] && beyond[i][s.open[k].object_idx]) << i;
+        doubtful += sides[k] != 0;
+    }
+    packets /= doubtful ? doubtful : 1;
+    if (packets > MORE_MAX * o->options.eyes)
+        packets = MORE_MAX * o->options.eyes;
+    hw_cell_corners(&o->grid, id, corners);
+    for (uint32_t k = 0; k < s.open_count; k++)
+        if (sides[k])
+            seen[s.open[k].object_idx] =
+                look_through(&s, &s.open[k], corners, sides[k], round, packets) ||
+                follow_up(&s, &s.open[k], packets, (uint32_t)round);
+out:
+    hw_free(s.open);
+    hw_free(sides);
+    return status;
+}
+
 // ---- cells -----------------------------------------------------------------------------------
 
-// Adds what is seen from a cell of level 0. Searched for once only, or by several threads to the
-// same end.
 static hw_status add_seen(hw_occlusion *o, hw_cell_id id, bool *seen)
 {
-    uint32_t count = o->scene->object_count;
-    bool **slot = &o->seen[hw_hexgrid_index(&o->grid, id)], *own = NULL;
-    pthread_mutex_lock(&o->mutex);
-    const bool *known = *slot;
-    pthread_mutex_unlock(&o->mutex);
-    if (!known) {
-        HW_TRY(HW_NEW(&own, count));
-        hw_status status = search_cell(o, id, own);
-        if (status != HW_OK) {
-            hw_free(own);
-            return status;
-        }
-        pthread_mutex_lock(&o->mutex);
-        if (*slot)
-            hw_free(own);
-        else
-            *slot = own;
-        known = *slot;
-        pthread_mutex_unlock(&o->mutex);
-    }
-    for (uint32_t i = 0; i < count; i++)
+    const bool *known;
+    HW_TRY(remember(o, ROUNDS - 1, id, &known));
+    for (uint32_t i = 0; i < o->scene->object_count; i++)
         seen[i] |= known[i];
     return HW_OK;
 }

@@ -2,7 +2,6 @@
 #include "alloc.h"
 #include "inner_boxes.h"
 #include "parallel.h"
-#include <stdlib.h>
 
 struct hw_sights {
     const hw_scene *scene;
@@ -14,44 +13,6 @@ struct hw_sights {
 };
 
 // ---- the scene -------------------------------------------------------------------------------
-
-static int by_edge(const void *x, const void *y)
-{
-    const uint64_t a = *(const uint64_t *)x >> 1, b = *(const uint64_t *)y >> 1;
-    return (a > b) - (a < b);
-}
-
-// Whether every edge is used as often in one direction as in the other, and the volume is positive.
-static hw_status mesh_is_solid(const hw_mesh *mesh, bool *out)
-{
-    hw_status status = HW_OK;
-    uint32_t *weld = NULL;
-    uint64_t *edges = NULL;
-    size_t n = mesh->index_count;
-    *out = hw_mesh_volume(mesh) > 0;
-    HW_GO(HW_NEW(&weld, mesh->vertex_count));
-    HW_GO(HW_NEW(&edges, n));
-    HW_GO(hw_mesh_weld_map(mesh, weld));
-    for (size_t i = 0; i < n; i++) {
-        uint64_t a = weld[mesh->indices[i]];
-        uint64_t b = weld[mesh->indices[i % 3 == 2 ? i - 2 : i + 1]];
-        // Vertices count up to 2^32, but with 2^31 a mesh would not fit into memory.
-        edges[i] = a < b ? a << 33 | b << 1 : b << 33 | a << 1 | 1;
-    }
-    qsort(edges, n, sizeof *edges, by_edge);
-    int64_t balance = 0;
-    for (size_t i = 0; i < n; i++) {
-        balance += edges[i] & 1 ? 1 : -1;
-        if (i + 1 == n || edges[i] >> 1 != edges[i + 1] >> 1) {
-            *out &= balance == 0;
-            balance = 0;
-        }
-    }
-out:
-    hw_free(weld);
-    hw_free(edges);
-    return status;
-}
 
 // What is found out of one mesh.
 typedef struct mesh_inside {
@@ -70,7 +31,7 @@ static hw_status study_mesh(void *context, uint64_t index, uint32_t thread)
     study *s = context;
     const hw_mesh *mesh = &s->sights->scene->meshes[index];
     bool *solid = &s->sights->solid[index];
-    HW_TRY(mesh_is_solid(mesh, solid));
+    HW_TRY(hw_mesh_is_solid(mesh, solid));
     if (!*solid)
         return HW_OK;
     return hw_inner_boxes(mesh, s->insides[index].boxes, &s->insides[index].count);

@@ -127,6 +127,11 @@ bool hw_visibility_inside(const hw_scene *scene, const hw_rays *rays, hw_vec3 ey
 {
     picture p = {.scene = scene, .rays = rays};
     hw_vec3 up = hw_v3(0, 0, 1);
+    int depth = 0; // surfaces left less those entered: an object may consist of several
     hw_hit hit = hw_rays_cast(rays, eye, up, 0, INFINITY);
-    return hit.t < INFINITY && !faces(&p, &hit, up);
+    for (int i = 0; i < PASSES_MAX && hit.t < INFINITY; i++) {
+        depth += faces(&p, &hit, up) ? -1 : 1;
+        hit = hw_rays_cast(rays, eye, up, hit.t + 1e-4f + 1e-5f * hit.t, INFINITY);
+    }
+    return depth > 0;
 }

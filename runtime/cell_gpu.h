@@ -19,6 +19,7 @@ typedef struct hw_far_draw {
     // Of MVMeshes: captures, its own first; ranges of its indices; where the object's middle is.
     uint32_t first_view, view_count, first_range, range_count;
     hw_vec3 middle;
+    hw_box drawn; // round its vertices, world: the object's own may be a little smaller
 } hw_far_draw;
 
 // A capture of an MVMesh.

@@ -1,5 +1,5 @@
 // Configuration C: near objects as shaded geometry, far ones as the cell's textured meshes. The
-// parts are in hybrid_cells.c, hybrid_near.c and hybrid_far.c.
+// parts are in hybrid_cells.c, hybrid_near.c, hybrid_hidden.c and hybrid_far.c.
 #include "alloc.h"
 #include "hybrid_internal.h"
 #include "renderer_internal.h"
@@ -15,6 +15,7 @@ static void hybrid_destroy(void *state)
     hybrid *h = state;
     hw_prefetch_destroy(h->prefetch);
     hw_store_destroy(h->store);
+    hw_hiding_destroy(h->hiding);
     hw_ground_gl_destroy(h->account, &h->ground);
     hw_gpu_buffer_destroy(h->account, &h->far_uniforms);
     hw_far_views_gl_destroy(&h->far_views);
@@ -123,6 +124,8 @@ static hw_status hybrid_create(const hw_renderer_desc *desc, hw_gpu_account *acc
     }
     HW_GO(make_loading(h, &desc->streaming));
     HW_GO(hw_ground_gl_create(account, &h->manifest.ground, bounds, &h->ground));
+    if (desc->hide)
+        HW_GO(hw_hiding_create(&h->hiding));
     HW_GO(hw_hybrid_make_near(h));
     HW_GO(hw_hybrid_make_far(h));
     *state = h;
@@ -203,6 +206,7 @@ static hw_status hybrid_draw(void *state, const hw_camera *camera, hw_frame_stat
     hybrid *h = state;
     frame_view view;
     HW_TRY(begin_frame(h, camera, stats, &view));
+    hw_hybrid_hide_near(h, hw_debug_culling_camera(h->debug, camera), &view.near_count);
     hw_ground_gl_begin();
     hw_ground_gl_draw(&h->ground, &view.matrix, stats);
     hw_gpu_pace_flush(&h->pace);
@@ -211,6 +215,7 @@ static hw_status hybrid_draw(void *state, const hw_camera *camera, hw_frame_stat
     hw_hybrid_draw_far(h, &view.cells, camera->eye, &view.matrix, &view.frustum, stats);
     glBindVertexArray(0);
     stats->triangles += stats->near_triangles + stats->far_triangles;
+    stats->hidden = h->hidden_count;
     return HW_OK;
 }
 

@@ -87,6 +87,8 @@ size_t hw_hud_format(const hw_hud_info *info, char *out, size_t capacity)
         put(&w, "   %.0f fps   %.1f ms (p99 %.1f)", info->fps, info->frame_ms, info->p99_ms);
     put(&w, "   cell %d,%d   %s triangles, %u draws", info->cell_q, info->cell_r, triangles,
         info->draws);
+    if (info->hidden > 0)
+        put(&w, ", %u hidden", info->hidden);
     put_bytes(&w, "RAM", info->ram_bytes, 0);
     if (info->waiting_budget_bytes > 0)
         put_bytes(&w, "waiting", info->waiting_bytes, info->waiting_budget_bytes);

@@ -13,6 +13,7 @@ typedef struct hw_hud_info {
     int32_t cell_q, cell_r;                       // the view cell of the eye
     uint64_t triangles;                           // sent to GL for this frame
     uint32_t draws;                               // draw calls
+    uint32_t hidden;                              // objects left out, hidden; 0: not shown
     uint64_t ram_bytes;                           // resident memory of the process
     uint64_t waiting_bytes, waiting_budget_bytes; // data on their way to the GPU
     uint64_t gpu_bytes, gpu_budget_bytes;         // of the configuration's buffers and textures

@@ -127,6 +127,7 @@ static void list_far(hybrid *h, far_lists *out, int32_t level, uint32_t first, u
     lists[HW_PHASE_WHOLE].records = visible; // written no faster than they are read
     lists[HW_PHASE_DISSOLVING].records = h->dissolving + place;
     uint32_t count = hw_cull_visible(&records->far_bounds, out->frustum, visible);
+    count = hw_hybrid_hide_far(h, cell, visible, count);
     for (uint32_t i = 0; i < count; i++) {
         uint32_t record = visible[i];
         const hw_far_draw *far = &records->far[record];

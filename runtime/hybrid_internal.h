@@ -5,6 +5,7 @@
 #include "crossing.h"
 #include "far_views.h"
 #include "ground.h"
+#include "hiding.h"
 #include "prefetch.h"
 #include "renderer.h"
 #include "store.h"
@@ -64,6 +65,9 @@ typedef struct hybrid {
     hw_gpu_buffer far_uniforms;
     hw_gpu_pace pace;
     const hw_debug_view *debug; // the renderer's
+    hw_hiding *hiding;          // NULL: what near objects hide is drawn all the same
+    bool hides;                 // in this frame
+    uint32_t hidden_count;      // near objects and far records left out of this frame
     // Scratch for the near objects and far records of a frame's cells; capacities in items.
     size_t near_capacity, far_capacity;
     uint32_t *visible, *dissolving;
@@ -101,6 +105,12 @@ HW_MUST_USE hw_status hw_hybrid_choose_near(hybrid *h, const frame_cells *cells,
                                             const hw_camera *camera, const hw_frustum *frustum,
                                             hw_frame_stats *stats, uint32_t *count);
 void hw_hybrid_draw_near(hybrid *h, uint32_t count, const hw_mat4 *matrix, hw_frame_stats *stats);
+
+// Leaves the near objects out of h->near that others hide, and remembers for hw_hybrid_hide_far
+// what all of them hide in the camera's picture: no pixel changes.
+void hw_hybrid_hide_near(hybrid *h, const hw_camera *camera, uint32_t *count);
+// Leaves the records out of `visible` that near objects hide; returns how many are left.
+uint32_t hw_hybrid_hide_far(hybrid *h, const hw_cell_gpu *cell, uint32_t *visible, uint32_t count);
 
 HW_MUST_USE hw_status hw_hybrid_make_far(hybrid *h);
 void hw_hybrid_draw_far(hybrid *h, const frame_cells *cells, hw_vec3 eye, const hw_mat4 *matrix,

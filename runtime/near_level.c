@@ -11,6 +11,8 @@ typedef struct near_vertex {
 } near_vertex;
 _Static_assert(sizeof(near_vertex) == 24, "a near vertex is 24 bytes");
 
+#define INSIDE_TRIANGLES_MAX 15000u // of a level that is looked into: up to 15 ms
+
 #define SMALL_VERTICES 65536u // indices of 16 bits suffice
 
 static uint64_t vertex_bytes(uint32_t count, bool has_uvs)
@@ -57,6 +59,21 @@ static void pack_indices(const hw_mesh *mesh, uint32_t index_bytes, uint8_t *out
     }
 }
 
+// Of a level as it is drawn, so that what its boxes hide is hidden by it too.
+static hw_status look_inside(const hw_mesh *mesh, hw_near_inside *out)
+{
+    bool solid;
+    *out = (hw_near_inside){.bounds = hw_mesh_bounds(mesh)};
+    if (mesh->index_count > 3 * INSIDE_TRIANGLES_MAX)
+        return HW_OK;
+    HW_TRY(hw_mesh_is_solid(mesh, &solid));
+    if (!solid)
+        return HW_OK;
+    HW_TRY(hw_inner_boxes(mesh, out->boxes, &out->box_count));
+    hw_inner_boxes_fit(mesh, out->boxes, out->box_count);
+    return HW_OK;
+}
+
 hw_status hw_near_data_make(hw_mesh *mesh, hw_near_data *out)
 {
     hw_status status = HW_OK;
@@ -68,6 +85,7 @@ hw_status hw_near_data_make(hw_mesh *mesh, hw_near_data *out)
         HW_GO(hw_mesh_compute_normals(mesh));
     HW_GO(hw_alloc((void **)&out->vertices, vertex_bytes(out->vertex_count, out->has_uvs), 1));
     HW_GO(hw_alloc((void **)&out->indices, out->index_count, out->index_bytes));
+    HW_GO(look_inside(mesh, &out->inside));
     pack_vertices(mesh, out->vertices);
     pack_indices(mesh, out->index_bytes, out->indices);
 out:
@@ -107,7 +125,8 @@ hw_status hw_near_level_create(hw_gpu_account *account, const hw_near_data *data
 {
     hw_status status = HW_OK;
     *upload = (hw_upload){0};
-    *out = (hw_near_level){.has_uvs = data->has_uvs, .index_count = data->index_count};
+    *out = (hw_near_level){
+        .has_uvs = data->has_uvs, .index_count = data->index_count, .inside = data->inside};
     out->index_type = data->index_bytes == 2 ? GL_UNSIGNED_SHORT : GL_UNSIGNED_INT;
     glGenVertexArrays(1, &out->array);
     glBindVertexArray(out->array);

@@ -1,8 +1,15 @@
 // One level of a near mesh, in memory and on the GPU.
 #pragma once
 #include "gpu.h"
-#include "mesh.h"
+#include "inner_boxes.h"
 #include "upload.h"
+
+// The space that a level takes up, in the mesh's own.
+typedef struct hw_near_inside {
+    hw_box bounds;
+    hw_box boxes[HW_INNER_BOXES_MAX]; // wholly inside, if it is closed
+    uint32_t box_count;
+} hw_near_inside;
 
 // As it comes from its file, packed for the GPU. Has nothing to do with GL.
 typedef struct hw_near_data {
@@ -10,6 +17,7 @@ typedef struct hw_near_data {
     bool has_uvs;
     uint8_t *vertices; // all but texture coordinates, interleaved; then those
     uint8_t *indices;
+    hw_near_inside inside;
 } hw_near_data;
 
 // The mesh may get normals that it lacks. On failure *out is zeroed. Any thread.
@@ -25,6 +33,7 @@ typedef struct hw_near_level {
     GLenum index_type;
     bool has_uvs;
     uint64_t used; // number of the last frame that drew it
+    hw_near_inside inside;
 } hw_near_level;
 
 // Makes the GL objects; *upload is to fill them, and borrows the data. On failure *out is zeroed.

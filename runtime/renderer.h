@@ -42,8 +42,9 @@ typedef struct hw_frame_stats {
     uint64_t triangles; // sent to GL
     uint32_t draws;
     uint32_t near_triangles, far_triangles; // C only
-    uint32_t stalls;                        // 1 if this frame waited for data
-    uint64_t loaded_bytes;                  // read from disk by this frame
+    uint32_t hidden;       // C only: near and far objects in view left out, hidden by near ones
+    uint32_t stalls;       // 1 if this frame waited for data
+    uint64_t loaded_bytes; // read from disk by this frame
     double load_ms;
     int32_t cell_q, cell_r, cell_level; // C only
     hw_stream_stats stream;             // C only
@@ -56,6 +57,7 @@ typedef struct hw_renderer_desc {
     double lod_error_px;     // L: largest projected error; 0 = 1
     hw_streaming streaming;  // C
     uint32_t near_triangles; // C: of the near objects in a frame, at most; 0 = default
+    bool hide;               // C: do not draw what near objects hide; changes no pixel
     double crossing_width;   // C: strips along borders in which cells dissolve into each other, in
                              // cell sizes (crossing.h); 0: hard crossings
 } hw_renderer_desc;

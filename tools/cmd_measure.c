@@ -21,7 +21,7 @@ extern char **environ;
 #define CHILD_TEXT_MAX 64
 
 static struct {
-    const char *tour, *configs, *output, *samples, *scene, *json;
+    const char *tour, *configs, *output, *samples, *scene, *json, *occlusion;
     uint32_t size[2];
     uint64_t every, reference_samples, repeat, bandwidth, gpu_budget, ram_budget, near_triangles;
     double lod_error;
@@ -32,7 +32,8 @@ static struct {
              .reference_samples = 16,
              .repeat = 5,
              .lod_error = 1,
-             .near_triangles = HW_NEAR_TRIANGLES};
+             .near_triangles = HW_NEAR_TRIANGLES,
+             .occlusion = "on"};
 
 static uint32_t fill_options(hw_option *out, uint32_t capacity)
 {
@@ -53,6 +54,8 @@ static uint32_t fill_options(hw_option *out, uint32_t capacity)
         {"near-triangles", 0, HW_OPTION_UINT, &options.near_triangles, "N", NULL, 1, UINT32_MAX,
          "Triangles of a frame's near objects in configuration C, at most: beyond that all of them "
          "become coarser together."},
+        {"occlusion-culling", 0, HW_OPTION_CHOICE, &options.occlusion, NULL, "on|off", 0, 0,
+         "Leave out what near objects hide in configuration C; changes no pixel."},
         {"reference-samples", 0, HW_OPTION_UINT, &options.reference_samples, "N", NULL, 1, 4096,
          "Samples per pixel of the reference image."},
         {"size", 0, HW_OPTION_SIZE, options.size, "WxH", NULL, 1, 16384, "Size of the images."},
@@ -194,6 +197,7 @@ static hw_status fill_facts(hw_report *r, const char *dataset, const hw_manifest
     r->lod_error_px = options.lod_error;
     r->tour_frames = tour->frame_count;
     r->near_triangles = (uint32_t)options.near_triangles;
+    r->hide = strcmp(options.occlusion, "on") == 0;
     r->every = (uint32_t)options.every;
     if (r->every == 0)
         r->every = (tour->frame_count + FRAMES_WANTED - 1) / FRAMES_WANTED;
@@ -243,6 +247,8 @@ static void fill_arguments(const char *arguments[ARGUMENTS_MAX], child_text *tex
         text->ram,
         "--near-triangles",
         text->near,
+        "--occlusion-culling",
+        options.occlusion,
         "--no-images",
         "--quiet",
     };
@@ -388,7 +394,8 @@ static hw_status run(int argc, const char *const *argv)
                                          .samples = report.samples,
                                          .bandwidth = options.bandwidth,
                                          .gpu_budget = options.gpu_budget,
-                                         .ram_budget = options.ram_budget};
+                                         .ram_budget = options.ram_budget,
+                                         .hide = report.hide};
     const hw_measure_desc desc = {.dataset = argv[0],
                                   .manifest = &manifest,
                                   .scene = &scene,

@@ -21,7 +21,7 @@
 #include <string.h>
 
 static struct {
-    const char *tour, *output, *config, *samples, *scene, *frame, *json, *video, *prefetch;
+    const char *tour, *output, *config, *samples, *scene, *frame, *json, *video, *prefetch, *occlusion;
     uint32_t size[2];
     uint64_t every, bandwidth, gpu_budget, ram_budget, near_triangles;
     double lod_error, fps;
@@ -29,6 +29,7 @@ static struct {
 } options = {.samples = "1",
              .config = "C",
              .prefetch = "off",
+             .occlusion = "on",
              .size = {1024, 1024},
              .every = 1,
              .lod_error = 1,
@@ -78,6 +79,8 @@ static uint32_t fill_options(hw_option *out, uint32_t capacity)
         {"near-triangles", 0, HW_OPTION_UINT, &options.near_triangles, "N", NULL, 1, UINT32_MAX,
          "Triangles of a frame's near objects in configuration C, at most: beyond that all of them "
          "become coarser together."},
+        {"occlusion-culling", 0, HW_OPTION_CHOICE, &options.occlusion, NULL, "on|off", 0, 0,
+         "Leave out what near objects hide in configuration C; changes no pixel."},
         {"scene", 0, HW_OPTION_STRING, &options.scene, "SCENE", NULL, 0, 0,
          "The original scene for configurations A, B and L, if it has moved since the build."},
         {"prefetch", 0, HW_OPTION_CHOICE, &options.prefetch, NULL, "on|off", 0, 0,
@@ -209,6 +212,7 @@ static hw_status make_renderer(render *r, const char *path)
         .lod_error_px = options.lod_error,
         .near_triangles = (uint32_t)options.near_triangles,
         .crossing_width = HW_CROSSING_WIDTH,
+        .hide = strcmp(options.occlusion, "on") == 0,
         .streaming = {.loading = prefetches() ? HW_LOADING_SIMULATED : HW_LOADING_WAITS,
                       .bytes_per_second = options.bandwidth,
                       .gpu_budget = options.gpu_budget,

@@ -11,6 +11,7 @@
 walk_options walk_opt = {.samples = "1",
                          .collision = "on",
                          .prefetch = "on",
+                         .occlusion = "on",
                          .size = {1280, 720},
                          .lod_error = 1,
                          .near_triangles = HW_NEAR_TRIANGLES,
@@ -171,6 +172,8 @@ static uint32_t fill_options(hw_option *out, uint32_t capacity)
         {"near-triangles", 0, HW_OPTION_UINT, &o->near_triangles, "N", NULL, 1, UINT32_MAX,
          "Triangles of a frame's near objects in configuration C, at most: beyond that all of them "
          "become coarser together."},
+        {"occlusion-culling", 0, HW_OPTION_CHOICE, &o->occlusion, NULL, "on|off", 0, 0,
+         "Leave out what near objects hide in configuration C; changes no pixel."},
         {"record", 0, HW_OPTION_STRING, &o->record, "TOUR.json", NULL, 0, 0,
          "Record the walk as a tour from the start."},
         {"scene", 0, HW_OPTION_STRING, &o->scene, "SCENE", NULL, 0, 0,

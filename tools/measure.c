@@ -40,6 +40,7 @@ static hw_status make_renderer(measurer *m, hw_config config)
                                    .scene = m->desc->scene,
                                    .lod_error_px = m->report->lod_error_px,
                                    .near_triangles = m->report->near_triangles,
+                                   .hide = m->report->hide,
                                    .crossing_width = HW_CROSSING_WIDTH};
     return m->renderers[config] ? HW_OK : hw_renderer_create(&desc, &m->renderers[config]);
 }

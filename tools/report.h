@@ -87,6 +87,7 @@ typedef struct hw_report {
     uint32_t width, height, samples, reference_samples, repeat, every, tour_frames;
     double lod_error_px;
     uint32_t near_triangles; // hw_renderer_desc
+    bool hide;               // hw_renderer_desc
     uint32_t frame_count, config_count, picture_count, note_count;
     hw_report_frame *frames;
     hw_pops pops; // of the hybrid

@@ -133,6 +133,7 @@ static hw_status run_plan(const hw_streaming_desc *desc, const plan *p, hw_targe
     const hw_renderer_desc make = {
         .config = HW_CONFIG_C,
         .dataset = desc->dataset,
+        .hide = desc->hide,
         .crossing_width = HW_CROSSING_WIDTH,
         .streaming = {.loading = p->loading,
                       .bytes_per_second = p->limited ? desc->bandwidth : 0,

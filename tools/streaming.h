@@ -19,6 +19,7 @@ typedef struct hw_streaming_desc {
     uint32_t width, height, samples;
     uint64_t bandwidth; // of a further run, bytes a second; 0: there is none
     uint64_t gpu_budget, ram_budget;
+    bool hide; // hw_renderer_desc
 } hw_streaming_desc;
 
 // One way through the tour. Values are per frame.

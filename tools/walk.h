@@ -19,7 +19,7 @@
 #define WALK_MESSAGE_MS 4000.0
 
 typedef struct walk_options {
-    const char *tour, *config, *samples, *record, *scene, *collision, *prefetch;
+    const char *tour, *config, *samples, *record, *scene, *collision, *prefetch, *occlusion;
     uint32_t size[2];
     bool fullscreen;
     double lod_error, random_walk;

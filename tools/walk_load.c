@@ -190,6 +190,7 @@ static hw_status make_renderer(walk *w)
                              .scene = w->loader.loaded ? &w->loader.scene : NULL,
                              .lod_error_px = walk_opt.lod_error,
                              .near_triangles = (uint32_t)walk_opt.near_triangles,
+                             .hide = strcmp(walk_opt.occlusion, "on") == 0,
                              .crossing_width = HW_CROSSING_WIDTH,
                              .streaming = {.loading = strcmp(walk_opt.prefetch, "on") == 0
                                                           ? HW_LOADING_AHEAD

@@ -45,6 +45,7 @@ static void format_line(const walk *w, const hw_camera *camera, char *out, size_
                         .cell_r = w->config == HW_CONFIG_C ? w->stats.cell_r : cell.r,
                         .triangles = w->stats.triangles,
                         .draws = w->stats.draws,
+                        .hidden = w->stats.hidden,
                         .ram_bytes = hw_rss_bytes(),
                         .waiting_bytes = stream->ram_bytes,
                         .waiting_budget_bytes = stream->ram_budget,

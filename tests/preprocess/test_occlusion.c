@@ -165,6 +165,33 @@ static void what_meets_the_cell_is_seen(void **state)
     stage_free(&s);
 }
 
+// What a cell's own rays miss is looked for where its neighbours see it: a few eyes of each cell
+// are enough then to find most views through a slit.
+static void neighbours_tell_what_to_look_for(void **state)
+{
+    (void)state;
+    hw_box boxes[4];
+    slit_scene(boxes);
+    stage s = stage_of_boxes(boxes, 4);
+    s.grid = hw_hexgrid_cover(-60, -60, 60, 60, 20, 8, 16);
+    uint32_t found[2] = {0};
+    for (int again = 0; again < 2; again++) {
+        const hw_occlusion_options options = {.eyes = 16, .more = again ? 256 : 0};
+        hw_occlusion *o;
+        assert_int_equal(hw_occlusion_create(&o, &s.scene, s.rays, &s.grid, &options), HW_OK);
+        for (uint32_t i = 0; i < hw_hexgrid_cell_count(&s.grid); i++) {
+            bool seen[OBJECTS_MAX];
+            assert_int_equal(hw_occlusion_query(o, hw_hexgrid_cell(&s.grid, i), seen), HW_OK);
+            found[again] += seen[2];
+        }
+        hw_occlusion_destroy(o);
+    }
+    print_message("seen from %u cells, then %u of %u\n", found[0], found[1],
+                  hw_hexgrid_cell_count(&s.grid));
+    assert_true(found[1] > found[0]);
+    stage_free(&s);
+}
+
 // An open sheet is drawn from its front alone, so it hides only from there.
 static void open_sheets_hide_from_their_front(void **state)
 {
@@ -199,6 +226,12 @@ static void pictures_count_pixels(void **state)
     assert_int_equal(pixels[1], 0);
     assert_true(hw_visibility_inside(&s.scene, s.rays, hw_v3(105, 0, 0)));
     assert_false(hw_visibility_inside(&s.scene, s.rays, hw_v3(95, 0, 0)));
+    stage_free(&s);
+    // Inside of one box, with another that sits in its top straight above.
+    const hw_box pile[] = {box(0, 0, 0, 10, 10, 10), box(-1, -1, 9, 11, 11, 12)};
+    s = stage_of_boxes(pile, 2);
+    assert_true(hw_visibility_inside(&s.scene, s.rays, hw_v3(5, 5, 5)));
+    assert_false(hw_visibility_inside(&s.scene, s.rays, hw_v3(-0.5f, 5, 5)));
     stage_free(&s);
 }
 
@@ -377,6 +410,7 @@ int main(void)
         cmocka_unit_test(what_shows_beside_a_wall_is_seen),
         cmocka_unit_test(slit_shows_what_is_behind),
         cmocka_unit_test(careless_culling_is_caught),
+        cmocka_unit_test(neighbours_tell_what_to_look_for),
         cmocka_unit_test(what_meets_the_cell_is_seen),
         cmocka_unit_test(open_sheets_hide_from_their_front),
         cmocka_unit_test(pictures_count_pixels),

@@ -639,6 +639,45 @@ static void test_near_budget(void **state)
     }
 }
 
+// The cube behind the sphere is left out, in front of it not; no pixel changes in either view.
+static void test_hidden(void **state)
+{
+    fixture *f = *state;
+    hw_vec3 sphere = hw_box_centre(f->manifest.objects[SPHERE].bounds);
+    hw_vec3 away = hw_v3_sub(sphere, hw_box_centre(f->manifest.objects[CUBE].bounds));
+    away = hw_v3_normalize(away);
+    for (int behind = 0; behind < 2; behind++) {
+        hw_camera camera = view(f, 0, 0, 0);
+        if (behind) {
+            camera.eye = hw_v3_mad(sphere, away, 7);
+            camera.forward = hw_v3_scale(away, -1);
+        }
+        hw_image images[2];
+        hw_frame_stats stats[2];
+        for (int hide = 0; hide < 2; hide++) {
+            const hw_renderer_desc desc = {
+                .config = HW_CONFIG_C, .dataset = f->folder, .hide = hide == 1};
+            hw_renderer *renderer;
+            assert_ok(hw_renderer_create(&desc, &renderer));
+            images[hide] = render(f, renderer, &camera, &stats[hide]);
+            if (hide && behind) { // lines hide nothing
+                hw_frame_stats lines;
+                hw_renderer_set_debug_view(renderer, &(hw_debug_view){.wireframe = true});
+                hw_image image = render(f, renderer, &camera, &lines);
+                assert_int_equal(lines.hidden, 0);
+                hw_image_free(&image);
+            }
+            hw_renderer_destroy(renderer);
+        }
+        assert_memory_equal(images[0].data, images[1].data, (size_t)SIZE * SIZE * 4);
+        assert_int_equal(stats[0].hidden, 0);
+        assert_int_equal(stats[1].hidden > 0, behind);
+        assert_int_equal(stats[1].near_triangles < stats[0].near_triangles, behind);
+        for (int hide = 0; hide < 2; hide++)
+            hw_image_free(&images[hide]);
+    }
+}
+
 static bool is_tinted(const uint8_t *plain, const uint8_t *tinted, const float *color)
 {
     for (int k = 0; k < 3; k++)
@@ -712,6 +751,7 @@ int main(void)
         cmocka_unit_test(test_crowd),
         cmocka_unit_test(test_near_levels),
         cmocka_unit_test(test_near_budget),
+        cmocka_unit_test(test_hidden),
         cmocka_unit_test(test_tints),
         cmocka_unit_test(test_frozen),
     };

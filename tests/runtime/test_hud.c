@@ -51,6 +51,9 @@ static void test_format(void **state)
     assert_string_equal(text, "C hybrid   cell 3,-2   0 triangles, 12 draws   "
                               "RAM 91.2 MB   waiting 1.9 of 10 MB   GPU 182.3 of 96 MB   queue 7   "
                               "2.5 MB/s   3 stalls, 12 late   REC 1.2 s   [wireframe]");
+    info.hidden = 7;
+    hw_hud_format(&info, text, sizeof text);
+    assert_non_null(strstr(text, " 12 draws, 7 hidden   "));
     info.triangles = 100;
     hw_hud_format(&info, text, sizeof text);
     assert_non_null(strstr(text, " 100 triangles"));

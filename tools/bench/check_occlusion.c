@@ -156,14 +156,15 @@ out:
     return status;
 }
 
-// Distinct cells at random.
+// Distinct cells at random, of those that the dataset has.
 static hw_status choose_cells(check *c)
 {
-    uint32_t n = hw_hexgrid_cell_count(&c->grid);
+    uint32_t n = 0, all = hw_hexgrid_cell_count(&c->grid);
     hw_rng rng = hw_rng_make(c->seed, 1);
-    HW_TRY(HW_NEW(&c->chosen, n));
-    for (uint32_t i = 0; i < n; i++)
-        c->chosen[i] = i;
+    HW_TRY(HW_NEW(&c->chosen, all));
+    for (uint32_t i = 0; i < all; i++)
+        if (!c->dataset || hw_manifest_find_cell(&c->manifest, hw_hexgrid_cell(&c->grid, i), NULL))
+            c->chosen[n++] = i;
     c->cells = c->cells < n ? c->cells : n;
     for (uint32_t i = 0; i < c->cells; i++) {
         uint32_t k = i + hw_rng_below(&rng, n - i), swap = c->chosen[i];
@@ -200,6 +201,7 @@ static hw_status run(check *c)
 {
     HW_TRY(c->dataset ? open_dataset(c) : open_scene(c));
     HW_TRY(choose_cells(c));
+    c->views = (uint32_t)ceil((double)c->views / c->cells);
     HW_TRY(hw_parallel_for(c->cells, 0, check_cell, c, NULL));
     printf("%u views in %u cells with %.1f of %u objects: %u misses (%u pixels or more), %llu "
            "pixels in all\n",
@@ -240,7 +242,7 @@ int main(int argc, char **argv)
                .cells = (uint32_t)fmax(argument(argc, argv, 3, 100), 1),
                .pixels_min = 2,
                .broken = broken};
-    c.views = (uint32_t)ceil(argument(argc, argv, 2, 10000) / c.cells);
+    c.views = (uint32_t)fmax(argument(argc, argv, 2, 10000), 1); // in all, here
     hw_status status = run(&c);
     if (status != HW_OK)
         fprintf(stderr, "check_occlusion: %s\n", hw_error_text());

@@ -1,4 +1,6 @@
 #include "inner_boxes.h"
+#include "alloc.h"
+#include <stdlib.h>
 #include <string.h>
 
 #define SIDE      64u       // voxels along the longest axis
@@ -9,6 +11,48 @@
 #define LAYERS 2u
 
 enum { OUTSIDE = 1, SURFACE = 2, TAKEN = 4 };
+
+// ---- solids ----------------------------------------------------------------------------------
+
+static int by_edge(const void *x, const void *y)
+{
+    const uint64_t a = *(const uint64_t *)x >> 1, b = *(const uint64_t *)y >> 1;
+    return (a > b) - (a < b);
+}
+
+// Whether every edge is used as often in one direction as in the other, and the volume is positive.
+hw_status hw_mesh_is_solid(const hw_mesh *mesh, bool *out)
+{
+    hw_status status = HW_OK;
+    uint32_t *weld = NULL;
+    uint64_t *edges = NULL;
+    size_t n = mesh->index_count;
+    *out = hw_mesh_volume(mesh) > 0;
+    HW_GO(HW_NEW(&weld, mesh->vertex_count));
+    HW_GO(HW_NEW(&edges, n));
+    HW_GO(hw_mesh_weld_map(mesh, weld));
+    for (size_t i = 0; i < n; i++) {
+        uint64_t a = weld[mesh->indices[i]];
+        uint64_t b = weld[mesh->indices[i % 3 == 2 ? i - 2 : i + 1]];
+        // Vertices count up to 2^32, but with 2^31 a mesh would not fit into memory.
+        edges[i] = a < b ? a << 33 | b << 1 : b << 33 | a << 1 | 1;
+    }
+    qsort(edges, n, sizeof *edges, by_edge);
+    int64_t balance = 0;
+    for (size_t i = 0; i < n; i++) {
+        balance += edges[i] & 1 ? 1 : -1;
+        if (i + 1 == n || edges[i] >> 1 != edges[i + 1] >> 1) {
+            *out &= balance == 0;
+            balance = 0;
+        }
+    }
+out:
+    hw_free(weld);
+    hw_free(edges);
+    return status;
+}
+
+// ---- voxels ----------------------------------------------------------------------------------
 
 typedef struct voxels {
     uint32_t n[3]; // with LAYERS round the mesh, the outermost of which stay empty
@@ -61,8 +105,10 @@ static range range_of(const voxels *v, hw_box box)
     const float slack = 1e-3f; // more than the rounding of coordinates
     range r;
     for (int k = 0; k < 3; k++) {
-        r.low[k] = (uint32_t)fmaxf(a[k] - slack, 0);
-        r.high[k] = (uint32_t)fminf(b[k] + slack, (float)v->n[k] - 1) + 1;
+        // The library's fminf and fmaxf are calls.
+        float from = a[k] - slack, to = b[k] + slack, last = (float)v->n[k] - 1;
+        r.low[k] = from > 0 ? (uint32_t)from : 0;
+        r.high[k] = (uint32_t)(to < last ? to : last) + 1;
     }
     return r;
 }
@@ -251,4 +297,105 @@ hw_status hw_inner_boxes(const hw_mesh *mesh, hw_box boxes[HW_INNER_BOXES_MAX], 
 out:
     free_voxels(&v);
     return status;
+}
+
+// ---- fitting ---------------------------------------------------------------------------------
+
+// A coordinate of a point by its number, and back.
+static float part(hw_vec3 p, int axis)
+{
+    return axis == 0 ? p.x : axis == 1 ? p.y : p.z;
+}
+
+static float *part_of(hw_vec3 *p, int axis)
+{
+    return axis == 0 ? &p->x : axis == 1 ? &p->y : &p->z;
+}
+
+#define POLYGON_MAX 7u // corners of a triangle that four planes have cut
+
+// What of a polygon lies on the side of a plane across an axis where sign * (p - at) <= 0.
+static uint32_t cut(const hw_vec3 *in, uint32_t count, int axis, float at, float sign, hw_vec3 *out)
+{
+    uint32_t n = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        hw_vec3 a = in[i], b = in[(i + 1) % count];
+        float da = sign * (part(a, axis) - at), db = sign * (part(b, axis) - at);
+        if (da <= 0)
+            out[n++] = a;
+        if ((da < 0 && db > 0) || (da > 0 && db < 0))
+            out[n++] = hw_v3_mad(a, hw_v3_sub(b, a), da / (da - db));
+    }
+    return n;
+}
+
+// How far, up to `reach`, a side of the box may move out until it meets the triangle.
+static float reach_to(const hw_box *box, int axis, bool upper, const hw_vec3 t[3], float reach)
+{
+    hw_vec3 polygon[2][POLYGON_MAX + 1];
+    uint32_t count = 3, which = 0;
+    float side = part(upper ? box->max : box->min, axis), sign = upper ? 1 : -1;
+    float first = INFINITY, last = -INFINITY;
+    for (int k = 0; k < 3; k++) {
+        float out = sign * (part(t[k], axis) - side);
+        first = out < first ? out : first;
+        last = out > last ? out : last;
+        polygon[0][k] = t[k];
+    }
+    if (last < 0 || first >= reach)
+        return reach;
+    for (int k = 1; k < 3 && count > 0; k++) {
+        int across = (axis + k) % 3;
+        for (int high = 0; high < 2 && count > 0; high++) {
+            float at = part(high ? box->max : box->min, across);
+            count = cut(polygon[which], count, across, at, high ? 1 : -1, polygon[!which]);
+            which = !which;
+        }
+    }
+    first = INFINITY;
+    last = -INFINITY;
+    for (uint32_t i = 0; i < count; i++) {
+        float out = sign * (part(polygon[which][i], axis) - side);
+        first = fminf(first, out);
+        last = fmaxf(last, out);
+    }
+    return last < 0 ? reach : fminf(reach, fmaxf(first, 0));
+}
+
+static void fit_side(const hw_mesh *mesh, float margin, int axis, bool upper, hw_box *box)
+{
+    // The box, somewhat wider than it is, meets nothing on its way; less than by the margin, or the
+    // sides that have come to theirs would be in its way.
+    hw_vec3 more = hw_v3(margin / 2, margin / 2, margin / 2);
+    hw_box wide = {hw_v3_sub(box->min, more), hw_v3_add(box->max, more)};
+    *part_of(upper ? &wide.max : &wide.min, axis) = part(upper ? box->max : box->min, axis);
+    float reach = INFINITY;
+    for (uint32_t i = 0; i < mesh->index_count; i += 3) {
+        const uint32_t *t = mesh->indices + i;
+        const hw_vec3 corners[3] = {mesh->positions[t[0]], mesh->positions[t[1]],
+                                    mesh->positions[t[2]]};
+        reach = reach_to(&wide, axis, upper, corners, reach);
+    }
+    if (reach < INFINITY && reach > margin)
+        *part_of(upper ? &box->max : &box->min, axis) += (upper ? 1 : -1) * (reach - margin);
+}
+
+void hw_inner_boxes_fit(const hw_mesh *mesh, hw_box *boxes, uint32_t count)
+{
+    float margin = 1e-4f * hw_box_diagonal(hw_mesh_bounds(mesh));
+    for (uint32_t i = 0; i < count; i++) {
+        // Lengthwise first: pieces of a wall are to reach each other.
+        int axes[3] = {0, 1, 2};
+        hw_vec3 size = hw_box_size(boxes[i]);
+        for (int k = 0; k < 3; k++) {
+            int m = k == 2 ? 0 : k; // two of neighbours, then the first again
+            if (part(size, axes[m]) < part(size, axes[m + 1])) {
+                int swap = axes[m];
+                axes[m] = axes[m + 1];
+                axes[m + 1] = swap;
+            }
+        }
+        for (int k = 0; k < 6; k++)
+            fit_side(mesh, margin, axes[k / 2], k % 2, &boxes[i]);
+    }
 }

@@ -10,3 +10,10 @@
 // before. None if the mesh is thin everywhere. The mesh must be closed. Deterministic.
 HW_MUST_USE hw_status hw_inner_boxes(const hw_mesh *mesh, hw_box boxes[HW_INNER_BOXES_MAX],
                                      uint32_t *count);
+// Moves the sides of such boxes out to the surface, along the longest axis of each first, but for
+// the ten thousandth part of the mesh's diagonal: voxels leave room there.
+void hw_inner_boxes_fit(const hw_mesh *mesh, hw_box *boxes, uint32_t count);
+
+// Whether a mesh encloses what it holds: every edge is used as often in one direction as in the
+// other, and the volume is positive.
+HW_MUST_USE hw_status hw_mesh_is_solid(const hw_mesh *mesh, bool *out);

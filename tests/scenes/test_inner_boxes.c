@@ -1,6 +1,6 @@
 // Boxes inside closed meshes: wholly inside, and nearly as large as can be.
+#include "../preprocess/shapes.h"
 #include "inner_boxes.h"
-#include "shapes.h"
 
 static double volume(hw_box b)
 {
@@ -62,12 +62,74 @@ static void thin_things_hold_none(void **state)
     }
 }
 
+// The least distance of a surface to a box, by points on the surface; negative if one is inside.
+static float clearance(const hw_mesh *mesh, hw_box box)
+{
+    float least = INFINITY;
+    for (uint32_t i = 0; i < mesh->index_count; i += 3)
+        for (int u = 0; u <= 20; u++)
+            for (int v = 0; u + v <= 20; v++) {
+                hw_vec3 p = hw_v3_scale(mesh->positions[mesh->indices[i]], (float)u / 20);
+                p = hw_v3_mad(p, mesh->positions[mesh->indices[i + 1]], (float)v / 20);
+                p = hw_v3_mad(p, mesh->positions[mesh->indices[i + 2]], (float)(20 - u - v) / 20);
+                hw_vec3 below = hw_v3_sub(box.min, p), above = hw_v3_sub(p, box.max);
+                hw_vec3 out = hw_v3_max(below, above);
+                least = fminf(least, fmaxf(out.x, fmaxf(out.y, out.z)));
+            }
+    return least;
+}
+
+static void fitted_boxes_reach_the_surface(void **state)
+{
+    (void)state;
+    hw_mesh meshes[] = {shape_box((hw_box){{0, 0, 0}, {46, 3, 27}}, false),
+                        shape_sphere(hw_v3(100, -50, 7), 10, 24, 12)};
+    for (int i = 0; i < 2; i++) {
+        hw_box boxes[HW_INNER_BOXES_MAX], fitted[HW_INNER_BOXES_MAX];
+        uint32_t count;
+        assert_int_equal(hw_inner_boxes(&meshes[i], boxes, &count), HW_OK);
+        memcpy(fitted, boxes, sizeof boxes);
+        hw_inner_boxes_fit(&meshes[i], fitted, count);
+        for (uint32_t k = 0; k < count; k++) {
+            assert_true(volume(fitted[k]) >= volume(boxes[k]));
+            assert_true(clearance(&meshes[i], fitted[k]) > 0);
+        }
+        if (i == 0)
+            assert_true(volume(fitted[0]) > 0.98 * 46 * 3 * 27);
+    }
+    for (int i = 0; i < 2; i++)
+        hw_mesh_free(&meshes[i]);
+}
+
+// A hole, or a face turned round, and nothing is enclosed.
+static void only_closed_meshes_are_solid(void **state)
+{
+    (void)state;
+    hw_mesh mesh = shape_box((hw_box){{0, 0, 0}, {4, 3, 2}}, false);
+    bool solid;
+    assert_int_equal(hw_mesh_is_solid(&mesh, &solid), HW_OK);
+    assert_true(solid);
+    uint32_t swap = mesh.indices[3];
+    mesh.indices[3] = mesh.indices[4];
+    mesh.indices[4] = swap;
+    assert_int_equal(hw_mesh_is_solid(&mesh, &solid), HW_OK);
+    assert_false(solid);
+    mesh.indices[4] = mesh.indices[3];
+    mesh.indices[3] = swap;
+    mesh.index_count -= 3;
+    assert_int_equal(hw_mesh_is_solid(&mesh, &solid), HW_OK);
+    assert_false(solid);
+    hw_mesh_free(&mesh);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_box_holds_nearly_itself),
         cmocka_unit_test(boxes_stay_within_a_sphere),
         cmocka_unit_test(thin_things_hold_none),
+        cmocka_unit_test(fitted_boxes_reach_the_surface),
+        cmocka_unit_test(only_closed_meshes_are_solid),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
