@@ -126,7 +126,8 @@ static hw_status arrange(const hw_cell *cell, hw_cell_data *out)
     hw_cell_records *records = &out->records;
     HW_GO(HW_NEW(&order, cell->far_count));
     HW_GO(HW_NEW(&scratch, cell->far_count));
-    HW_GO(HW_NEW(&out->indices, cell->index_count));
+    out->index_bytes = hw_gpu_index_bytes(cell->vertex_count);
+    HW_GO(hw_alloc((void **)&out->indices, cell->index_count, out->index_bytes));
     HW_GO(HW_NEW(&records->far, cell->far_count));
     HW_GO(hw_cull_set_create(&records->far_bounds, cell->far_count));
     order_records(cell, order, scratch);
@@ -140,8 +141,8 @@ static hw_status arrange(const hw_cell *cell, hw_cell_data *out)
         hw_cull_set_put(&records->far_bounds, i, record->bounds);
         for (uint32_t k = 0; k < record->vertex_count; k++)
             out->vertices[record->first_vertex + k].record = (uint16_t)i;
-        memcpy(out->indices + first, cell->indices + record->first_index,
-               record->index_count * sizeof *out->indices);
+        hw_gpu_pack_indices(cell->indices + record->first_index, record->index_count,
+                            out->index_bytes, out->indices + (size_t)first * out->index_bytes);
         first += record->index_count;
     }
     records->far_count = cell->far_count;
@@ -234,7 +235,7 @@ static uint64_t vertex_bytes(const hw_cell_data *data)
 
 static uint64_t index_bytes(const hw_cell_data *data)
 {
-    return (uint64_t)data->index_count * sizeof *data->indices;
+    return (uint64_t)data->index_count * data->index_bytes;
 }
 
 static uint64_t color_bytes(const hw_cell_data *data)
@@ -283,7 +284,8 @@ hw_status hw_cell_gpu_create(hw_gpu_account *account, const hw_cell_data *data, 
                              hw_cell_gpu *out, hw_upload *upload)
 {
     uint64_t before = account->bytes;
-    *out = (hw_cell_gpu){.id = data->id, .records = &data->records};
+    *out =
+        (hw_cell_gpu){.id = data->id, .records = &data->records, .index_bytes = data->index_bytes};
     *upload = (hw_upload){0};
     if (data->records.far_count == 0)
         return HW_OK;
@@ -298,7 +300,7 @@ hw_status hw_cell_gpu_create(hw_gpu_account *account, const hw_cell_data *data, 
                                            .data = (const uint8_t *)data->vertices,
                                            .bytes = vertex_bytes(data)});
     hw_upload_add(upload, (hw_upload_part){.buffer = out->indices.name,
-                                           .data = (const uint8_t *)data->indices,
+                                           .data = data->indices,
                                            .bytes = index_bytes(data)});
     if (data->color_count > 0)
         hw_upload_add(upload, (hw_upload_part){.buffer = out->colors.name,

@@ -48,7 +48,8 @@ typedef struct hw_cell_data {
     // On its way to the GPU:
     uint32_t vertex_count, index_count, color_count, atlas_width, atlas_height;
     hw_far_vertex *vertices; // the record of each is its place in the drawing order
-    uint32_t *indices;
+    uint32_t index_bytes;    // of one
+    uint8_t *indices;
     hw_color8 *colors; // of the first color_count vertices
     uint8_t *atlas;    // BC3
 } hw_cell_data;
@@ -72,6 +73,7 @@ typedef struct hw_cell_gpu {
     const hw_cell_records *records;
     GLuint array;
     hw_gpu_buffer vertices, indices, colors;
+    uint32_t index_bytes; // of one
     hw_gpu_texture atlas;
 } hw_cell_gpu;
 

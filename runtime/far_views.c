@@ -90,6 +90,7 @@ typedef struct drawing {
     const hw_far_views_frame *frame;
     const hw_far_view_draw *views;
     hw_kept kept;
+    uint32_t index_bytes;
     float clip[16];
 } drawing;
 
@@ -111,8 +112,8 @@ static void draw_indices(const drawing *d, choice c, uint32_t first, uint32_t co
     }
     if (colored) // the other draws of the array may read vertices that have no colour
         glEnableVertexAttribArray(1);
-    glDrawElements(GL_TRIANGLES, (GLsizei)count, GL_UNSIGNED_INT,
-                   hw_gpu_offset((size_t)first * sizeof(uint32_t)));
+    glDrawElements(GL_TRIANGLES, (GLsizei)count, hw_gpu_index_type(d->index_bytes),
+                   hw_gpu_offset((size_t)first * d->index_bytes));
     if (colored)
         glDisableVertexAttribArray(1);
     d->frame->stats->far_triangles += count / 3;
@@ -124,8 +125,11 @@ void hw_far_views_gl_draw(const hw_far_views_gl *gl, const hw_far_views_frame *f
                           const hw_cell_gpu *cell, uint32_t index, hw_kept kept)
 {
     const hw_far_draw *far = &cell->records->far[index];
-    drawing d = {
-        .gl = gl, .frame = frame, .views = cell->records->views + far->first_view, .kept = kept};
+    drawing d = {.gl = gl,
+                 .frame = frame,
+                 .views = cell->records->views + far->first_view,
+                 .kept = kept,
+                 .index_bytes = cell->index_bytes};
     float angles[HW_FAR_VIEWS_MAX];
     hw_mat4 product = hw_mat4_mul(*frame->matrix, far->matrix);
     hw_mat4_to_float(&product, d.clip);

@@ -250,6 +250,29 @@ void hw_gpu_pace_flush(hw_gpu_pace *pace)
         glFlush();
 }
 
+uint32_t hw_gpu_index_bytes(uint32_t vertex_count)
+{
+    return vertex_count <= UINT16_MAX ? 2 : 4;
+}
+
+void hw_gpu_pack_indices(const uint32_t *indices, uint32_t count, uint32_t index_bytes,
+                         uint8_t *out)
+{
+    if (index_bytes == 4) {
+        memcpy(out, indices, (size_t)count * 4);
+        return;
+    }
+    for (uint32_t i = 0; i < count; i++) {
+        uint16_t small = (uint16_t)indices[i];
+        memcpy(out + (size_t)i * 2, &small, 2);
+    }
+}
+
+GLenum hw_gpu_index_type(uint32_t index_bytes)
+{
+    return index_bytes == 2 ? GL_UNSIGNED_SHORT : GL_UNSIGNED_INT;
+}
+
 const void *hw_gpu_offset(size_t bytes)
 {
     return (const char *)0 + bytes;

@@ -71,5 +71,11 @@ void hw_gpu_pace_flush(hw_gpu_pace *pace);
 // Image of 1, 3 or 4 channels into RGBA (alpha 255) of 4 bytes a pixel. No GL.
 void hw_gpu_expand_rgba(const hw_image *image, uint8_t *rgba);
 
+// Indices take 2 bytes each where the number of vertices allows it, else 4. No GL.
+uint32_t hw_gpu_index_bytes(uint32_t vertex_count);
+void hw_gpu_pack_indices(const uint32_t *indices, uint32_t count, uint32_t index_bytes,
+                         uint8_t *out);
+GLenum hw_gpu_index_type(uint32_t index_bytes);
+
 // A byte offset as GL wants it.
 const void *hw_gpu_offset(size_t bytes);

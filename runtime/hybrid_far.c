@@ -34,7 +34,7 @@ hw_status hw_hybrid_make_far(hybrid *h)
 // Ranges of indices of one vertex array that go into one call.
 #define BATCH_RANGES 256u
 typedef struct batch {
-    uint32_t count, indices;
+    uint32_t count, indices, index_bytes;
     GLsizei counts[BATCH_RANGES];
     const void *offsets[BATCH_RANGES];
 } batch;
@@ -43,7 +43,8 @@ static void flush(hybrid *h, batch *b, hw_frame_stats *stats)
 {
     if (b->count == 0)
         return;
-    glMultiDrawElements(GL_TRIANGLES, b->counts, GL_UNSIGNED_INT, b->offsets, (GLsizei)b->count);
+    glMultiDrawElements(GL_TRIANGLES, b->counts, hw_gpu_index_type(b->index_bytes), b->offsets,
+                        (GLsizei)b->count);
     stats->draws++;
     stats->far_triangles += b->indices / 3;
     hw_gpu_pace_add(&h->pace, b->indices / 3);
@@ -59,7 +60,7 @@ static void add_range(hybrid *h, batch *b, const hw_far_draw *first, const hw_fa
         uint32_t left = index_end - index, room = BATCH_INDICES - b->indices;
         uint32_t count = left < room ? left : room;
         b->counts[b->count] = (GLsizei)count;
-        b->offsets[b->count++] = hw_gpu_offset((size_t)index * sizeof(uint32_t));
+        b->offsets[b->count++] = hw_gpu_offset((size_t)index * b->index_bytes);
         b->indices += count;
         index += count;
         if (b->count == BATCH_RANGES || b->indices == BATCH_INDICES)
@@ -85,6 +86,7 @@ static void draw_page(hybrid *h, const far_program *program, const far_list *lis
     uint32_t page = records[begin] / HW_FAR_PAGE_RECORDS, start = begin;
     batch b;
     b.count = b.indices = 0;
+    b.index_bytes = list->cell->index_bytes;
     glUniform1i(program->first_record, (GLint)(page * HW_FAR_PAGE_RECORDS));
     glBindBufferRange(GL_UNIFORM_BUFFER, 0, h->far_uniforms.name,
                       (GLintptr)((list->first_page + page) * PAGE_BYTES), PAGE_BYTES);

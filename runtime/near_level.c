@@ -13,22 +13,15 @@ _Static_assert(sizeof(near_vertex) == 24, "a near vertex is 24 bytes");
 
 #define INSIDE_TRIANGLES_MAX 15000u // of a level that is looked into: up to 15 ms
 
-#define SMALL_VERTICES 65536u // indices of 16 bits suffice
-
 static uint64_t vertex_bytes(uint32_t count, bool has_uvs)
 {
     return (uint64_t)count * (sizeof(near_vertex) + (has_uvs ? sizeof(hw_uv) : 0));
 }
 
-static uint32_t bytes_of_index(uint32_t vertex_count)
-{
-    return vertex_count < SMALL_VERTICES ? 2 : 4;
-}
-
 uint64_t hw_near_level_bytes(uint32_t vertex_count, uint32_t index_count, bool has_uvs)
 {
     return vertex_bytes(vertex_count, has_uvs) +
-           (uint64_t)index_count * bytes_of_index(vertex_count);
+           (uint64_t)index_count * hw_gpu_index_bytes(vertex_count);
 }
 
 static void pack_vertices(const hw_mesh *mesh, uint8_t *out)
@@ -46,17 +39,6 @@ static void pack_vertices(const hw_mesh *mesh, uint8_t *out)
     if (mesh->uvs)
         memcpy(out + mesh->vertex_count * sizeof(near_vertex), mesh->uvs,
                mesh->vertex_count * sizeof *mesh->uvs);
-}
-
-static void pack_indices(const hw_mesh *mesh, uint32_t index_bytes, uint8_t *out)
-{
-    for (uint32_t i = 0; i < mesh->index_count; i++) {
-        uint16_t small = (uint16_t)mesh->indices[i];
-        if (index_bytes == 2)
-            memcpy(out + (size_t)i * 2, &small, 2);
-        else
-            memcpy(out + (size_t)i * 4, &mesh->indices[i], 4);
-    }
 }
 
 // Of a level as it is drawn, so that what its boxes hide is hidden by it too.
@@ -79,7 +61,7 @@ hw_status hw_near_data_make(hw_mesh *mesh, hw_near_data *out)
     hw_status status = HW_OK;
     *out = (hw_near_data){.vertex_count = mesh->vertex_count,
                           .index_count = mesh->index_count,
-                          .index_bytes = bytes_of_index(mesh->vertex_count),
+                          .index_bytes = hw_gpu_index_bytes(mesh->vertex_count),
                           .has_uvs = mesh->uvs != NULL};
     if (!mesh->normals)
         HW_GO(hw_mesh_compute_normals(mesh));
@@ -87,7 +69,7 @@ hw_status hw_near_data_make(hw_mesh *mesh, hw_near_data *out)
     HW_GO(hw_alloc((void **)&out->indices, out->index_count, out->index_bytes));
     HW_GO(look_inside(mesh, &out->inside));
     pack_vertices(mesh, out->vertices);
-    pack_indices(mesh, out->index_bytes, out->indices);
+    hw_gpu_pack_indices(mesh->indices, mesh->index_count, out->index_bytes, out->indices);
 out:
     if (status != HW_OK)
         hw_near_data_free(out);
@@ -127,7 +109,7 @@ hw_status hw_near_level_create(hw_gpu_account *account, const hw_near_data *data
     *upload = (hw_upload){0};
     *out = (hw_near_level){
         .has_uvs = data->has_uvs, .index_count = data->index_count, .inside = data->inside};
-    out->index_type = data->index_bytes == 2 ? GL_UNSIGNED_SHORT : GL_UNSIGNED_INT;
+    out->index_type = hw_gpu_index_type(data->index_bytes);
     glGenVertexArrays(1, &out->array);
     glBindVertexArray(out->array);
     HW_GO(hw_gpu_buffer_create(account, GL_ARRAY_BUFFER, NULL,
