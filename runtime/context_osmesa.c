@@ -55,6 +55,7 @@ static hw_status osmesa_create(const hw_context_desc *desc, void **state)
     // loads and drops cells would tear the heap to pieces: 40 MB after a minute.
     mallopt(M_MMAP_THRESHOLD, MAPPED_BYTES);
     mallopt(M_TRIM_THRESHOLD, KEPT_BYTES);
+    mallopt(M_ARENA_MAX, 2); // the drawing thread's, and one for all others: 3 MB less
 #endif
     HW_GO(HW_NEW(&s, 1));
     HW_GO(hw_alloc((void **)&s->pixels, (size_t)desc->width * 4, desc->height));
