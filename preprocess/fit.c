@@ -1,5 +1,6 @@
 #include "fit.h"
 #include "alloc.h"
+#include "conjugate_gradients.h"
 #include "parallel.h"
 #include "surface_sampler.h"
 #include <math.h>
@@ -114,57 +115,39 @@ static hw_status sample_block(void *context, uint64_t index, uint32_t thread)
 
 // ---- the solution ----------------------------------------------------------------------------
 
-static double shift_along(const equation *e, double (*x)[3])
+static double shift_along(const equation *e, const double *x)
 {
     double sum = 0;
-    for (int i = 0; i < 3; i++)
-        sum +=
-            (double)e->w[i] * ((double)e->n[0] * x[e->v[i]][0] + (double)e->n[1] * x[e->v[i]][1] +
-                               (double)e->n[2] * x[e->v[i]][2]);
-    return sum;
-}
-
-static void spread(const equation *e, double value, double (*out)[3])
-{
-    for (int i = 0; i < 3; i++)
-        for (int k = 0; k < 3; k++)
-            out[e->v[i]][k] += (double)e->w[i] * value * (double)e->n[k];
-}
-
-// out = (J' W J + damping) x
-static void apply(const fit *f, const double *damping, double (*x)[3], double (*out)[3])
-{
-    for (uint32_t v = 0; v < f->mesh->vertex_count; v++)
-        for (int k = 0; k < 3; k++)
-            out[v][k] = damping[v] * x[v][k];
-    for (uint32_t i = 0; i < f->equation_count; i++) {
-        const equation *e = &f->equations[i];
-        spread(e, (double)e->weight * shift_along(e, x), out);
+    for (int i = 0; i < 3; i++) {
+        const double *at = x + 3 * (size_t)e->v[i];
+        sum += (double)e->w[i] *
+               ((double)e->n[0] * at[0] + (double)e->n[1] * at[1] + (double)e->n[2] * at[2]);
     }
+    return sum;
 }
 
-static double product(const fit *f, double (*a)[3], double (*b)[3])
+static void spread(const equation *e, double value, double *out)
 {
-    double sum = 0;
-    for (uint32_t v = 0; v < f->mesh->vertex_count; v++)
-        sum += a[v][0] * b[v][0] + a[v][1] * b[v][1] + a[v][2] * b[v][2];
-    return sum;
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < 3; k++)
+            out[3 * (size_t)e->v[i] + (size_t)k] += (double)e->w[i] * value * (double)e->n[k];
 }
 
 typedef double (*vectors)[3]; // one per vertex
 
 typedef struct solver {
+    const fit *f;
     double *damping;
-    vectors residual, direction, image;
+    double *scratch; // for conjugate gradients
+    vectors residual;
     vectors volume, answer; // gradient of the enclosed volume, and the step that it gives
 } solver;
 
 static void solver_free(solver *s)
 {
     hw_free(s->damping);
+    hw_free(s->scratch);
     hw_free(s->residual);
-    hw_free(s->direction);
-    hw_free(s->image);
     hw_free(s->volume);
     hw_free(s->answer);
 }
@@ -172,36 +155,36 @@ static void solver_free(solver *s)
 static hw_status solver_make(uint32_t n, solver *s)
 {
     HW_TRY(HW_NEW(&s->damping, n));
+    HW_TRY(HW_NEW(&s->scratch, 6 * (size_t)n));
     HW_TRY(HW_NEW(&s->residual, n));
-    HW_TRY(HW_NEW(&s->direction, n));
-    HW_TRY(HW_NEW(&s->image, n));
     HW_TRY(HW_NEW(&s->volume, n));
     return HW_NEW(&s->answer, n);
 }
 
-// Conjugate gradients: (J' W J + damping) x = s->residual, which is used up, from x = 0.
-static void conjugate_gradients(const fit *f, solver *s, vectors x)
+// out = (J' W J + damping) x
+static void apply(const void *context, const double *x, double *out)
 {
-    uint32_t n = f->mesh->vertex_count;
-    memset(x, 0, n * sizeof *x);
-    memcpy(s->direction, s->residual, n * sizeof *x);
-    double rr = product(f, s->residual, s->residual);
-    for (int step = 0; step < CG_STEPS && rr > 0; step++) {
-        apply(f, s->damping, s->direction, s->image);
-        double along = product(f, s->direction, s->image);
-        if (!(along > 0))
-            break;
-        double a = rr / along, before = rr;
-        for (uint32_t v = 0; v < n; v++)
-            for (int k = 0; k < 3; k++) {
-                x[v][k] += a * s->direction[v][k];
-                s->residual[v][k] -= a * s->image[v][k];
-            }
-        rr = product(f, s->residual, s->residual);
-        for (uint32_t v = 0; v < n; v++)
-            for (int k = 0; k < 3; k++)
-                s->direction[v][k] = s->residual[v][k] + rr / before * s->direction[v][k];
+    const solver *s = context;
+    const fit *f = s->f;
+    for (uint32_t v = 0; v < f->mesh->vertex_count; v++)
+        for (int k = 0; k < 3; k++)
+            out[3 * (size_t)v + (size_t)k] = s->damping[v] * x[3 * (size_t)v + (size_t)k];
+    for (uint32_t i = 0; i < f->equation_count; i++) {
+        const equation *e = &f->equations[i];
+        spread(e, (double)e->weight * shift_along(e, x), out);
     }
+}
+
+// From s->residual, which is used up.
+static void find_step(solver *s, vectors out)
+{
+    hw_conjugate_gradients(apply, s, 3 * (size_t)s->f->mesh->vertex_count, CG_STEPS, *s->residual,
+                           *out, s->scratch);
+}
+
+static double product(const solver *s, vectors a, vectors b)
+{
+    return hw_inner_product(*a, *b, 3 * (size_t)s->f->mesh->vertex_count);
 }
 
 // What a shift of each vertex adds to the enclosed volume.
@@ -223,21 +206,21 @@ static void volume_gradient(const hw_mesh *m, vectors out)
 static hw_status solve(fit *f)
 {
     hw_status status;
-    solver s = {0};
+    solver s = {.f = f};
     uint32_t n = f->mesh->vertex_count;
     HW_GO(solver_make(n, &s));
     for (uint32_t i = 0; i < f->equation_count; i++) {
         const equation *e = &f->equations[i];
-        spread(e, (double)e->weight * (double)e->r, s.residual);
+        spread(e, (double)e->weight * (double)e->r, *s.residual);
         for (int k = 0; k < 3; k++)
             s.damping[e->v[k]] += DAMPING * (double)e->weight * (double)e->w[k] * (double)e->w[k];
     }
-    conjugate_gradients(f, &s, f->step);
+    find_step(&s, f->step);
     volume_gradient(f->mesh, s.volume);
     memcpy(s.residual, s.volume, n * sizeof *s.residual);
-    conjugate_gradients(f, &s, s.answer);
-    double along = product(f, s.volume, s.answer);
-    double back = along > 0 ? product(f, s.volume, f->step) / along : 0;
+    find_step(&s, s.answer);
+    double along = product(&s, s.volume, s.answer);
+    double back = along > 0 ? product(&s, s.volume, f->step) / along : 0;
     for (uint32_t v = 0; v < n; v++)
         for (int k = 0; k < 3; k++)
             f->step[v][k] -= back * s.answer[v][k];

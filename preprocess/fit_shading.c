@@ -1,5 +1,6 @@
 #include "fit_shading.h"
 #include "alloc.h"
+#include "conjugate_gradients.h"
 #include <math.h>
 #include <string.h>
 
@@ -22,30 +23,31 @@ typedef struct shading_fit {
     const hw_mesh *mesh, *original;
     const hw_rays *rays;
     face_sums *faces;
-    float *damping; // per vertex
-    values *x;      // the solution
-    values *residual, *direction, *image;
+    float *damping;                    // per vertex
+    double *residual, *step, *scratch; // VALUES per vertex; twice that of scratch
 } shading_fit;
+
+static size_t count_of(const shading_fit *f)
+{
+    return VALUES * (size_t)f->mesh->vertex_count;
+}
 
 static void fit_free(shading_fit *f)
 {
     hw_free(f->faces);
     hw_free(f->damping);
-    hw_free(f->x);
     hw_free(f->residual);
-    hw_free(f->direction);
-    hw_free(f->image);
+    hw_free(f->step);
+    hw_free(f->scratch);
 }
 
 static hw_status fit_make(shading_fit *f)
 {
-    uint32_t n = f->mesh->vertex_count;
     HW_TRY(HW_NEW(&f->faces, f->mesh->index_count / 3));
-    HW_TRY(HW_NEW(&f->damping, n));
-    HW_TRY(HW_NEW(&f->x, n));
-    HW_TRY(HW_NEW(&f->residual, n));
-    HW_TRY(HW_NEW(&f->direction, n));
-    return HW_NEW(&f->image, n);
+    HW_TRY(HW_NEW(&f->damping, f->mesh->vertex_count));
+    HW_TRY(HW_NEW(&f->residual, count_of(f)));
+    HW_TRY(HW_NEW(&f->step, count_of(f)));
+    return HW_NEW(&f->scratch, 2 * count_of(f));
 }
 
 // ---- samples ---------------------------------------------------------------------------------
@@ -120,73 +122,46 @@ static void sample_face(const shading_fit *f, uint32_t face, uint32_t count)
 // ---- the solution ----------------------------------------------------------------------------
 
 // out = (M + damping) x
-static void apply(const shading_fit *f, const values *x, values *out)
+static void apply(const void *context, const double *x, double *out)
 {
     static const int place[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
-    for (uint32_t v = 0; v < f->mesh->vertex_count; v++)
-        for (int k = 0; k < VALUES; k++)
-            out[v][k] = f->damping[v] * x[v][k];
+    const shading_fit *f = context;
+    for (size_t i = 0; i < count_of(f); i++)
+        out[i] = (double)f->damping[i / VALUES] * x[i];
     for (uint32_t face = 0; face < f->mesh->index_count / 3; face++) {
         const uint32_t *t = f->mesh->indices + 3 * (size_t)face;
         const float *m = f->faces[face].matrix;
         for (int i = 0; i < 3; i++)
             for (int j = 0; j < 3; j++)
                 for (int k = 0; k < VALUES; k++)
-                    out[t[i]][k] += m[place[i][j]] * x[t[j]][k];
+                    out[VALUES * (size_t)t[i] + (size_t)k] +=
+                        (double)m[place[i][j]] * x[VALUES * (size_t)t[j] + (size_t)k];
     }
 }
 
-static double product(const shading_fit *f, const values *a, const values *b)
-{
-    double sum = 0;
-    for (uint32_t v = 0; v < f->mesh->vertex_count; v++)
-        for (int k = 0; k < VALUES; k++)
-            sum += (double)a[v][k] * (double)b[v][k];
-    return sum;
-}
-
-// Fills in where the fit starts, and what is still missing there: wanted - M x.
+// What is missing where the fit starts: wanted - M start. Damping, which holds the step, comes
+// after that.
 static void begin(shading_fit *f)
 {
-    for (uint32_t v = 0; v < f->mesh->vertex_count; v++)
-        read_vertex(f->mesh, v, f->x[v]);
-    apply(f, (const values *)f->x, f->image);
-    for (uint32_t v = 0; v < f->mesh->vertex_count; v++)
+    static const int diagonal[3] = {0, 3, 5};
+    double *start = f->step; // not needed yet
+    for (uint32_t v = 0; v < f->mesh->vertex_count; v++) {
+        values at;
+        read_vertex(f->mesh, v, at);
         for (int k = 0; k < VALUES; k++)
-            f->residual[v][k] = -f->image[v][k];
+            start[VALUES * (size_t)v + (size_t)k] = (double)at[k];
+    }
+    apply(f, start, f->residual);
+    for (size_t i = 0; i < count_of(f); i++)
+        f->residual[i] = -f->residual[i];
     for (uint32_t face = 0; face < f->mesh->index_count / 3; face++) {
         const uint32_t *t = f->mesh->indices + 3 * (size_t)face;
-        static const int diagonal[3] = {0, 3, 5};
         for (int i = 0; i < 3; i++) {
             f->damping[t[i]] += (float)DAMPING * f->faces[face].matrix[diagonal[i]];
             for (int k = 0; k < VALUES; k++)
-                f->residual[t[i]][k] += f->faces[face].wanted[i][k];
+                f->residual[VALUES * (size_t)t[i] + (size_t)k] +=
+                    (double)f->faces[face].wanted[i][k];
         }
-    }
-}
-
-// Conjugate gradients for the step from x.
-static void solve(shading_fit *f)
-{
-    size_t bytes = f->mesh->vertex_count * sizeof *f->x;
-    memcpy(f->direction, f->residual, bytes);
-    double rr = product(f, (const values *)f->residual, (const values *)f->residual);
-    for (int step = 0; step < CG_STEPS && rr > 0; step++) {
-        apply(f, (const values *)f->direction, f->image);
-        double along = product(f, (const values *)f->direction, (const values *)f->image);
-        if (!(along > 0))
-            break;
-        float a = (float)(rr / along);
-        for (uint32_t v = 0; v < f->mesh->vertex_count; v++)
-            for (int k = 0; k < VALUES; k++) {
-                f->x[v][k] += a * f->direction[v][k];
-                f->residual[v][k] -= a * f->image[v][k];
-            }
-        double before = rr;
-        rr = product(f, (const values *)f->residual, (const values *)f->residual);
-        for (uint32_t v = 0; v < f->mesh->vertex_count; v++)
-            for (int k = 0; k < VALUES; k++)
-                f->direction[v][k] = f->residual[v][k] + (float)(rr / before) * f->direction[v][k];
     }
 }
 
@@ -198,13 +173,17 @@ static uint8_t to_byte(float value)
 static void write_back(const shading_fit *f, hw_mesh *mesh)
 {
     for (uint32_t v = 0; v < mesh->vertex_count; v++) {
-        hw_vec3 normal = hw_v3(f->x[v][0], f->x[v][1], f->x[v][2]);
+        values at;
+        read_vertex(mesh, v, at);
+        for (int k = 0; k < VALUES; k++)
+            at[k] += (float)f->step[VALUES * (size_t)v + (size_t)k];
+        hw_vec3 normal = hw_v3(at[0], at[1], at[2]);
         if (hw_v3_length(normal) > 1e-3f) // else it has none to speak of: a spike
             mesh->normals[v] = hw_v3_normalize(normal);
         if (mesh->colors) {
-            mesh->colors[v].r = to_byte(f->x[v][3]);
-            mesh->colors[v].g = to_byte(f->x[v][4]);
-            mesh->colors[v].b = to_byte(f->x[v][5]);
+            mesh->colors[v].r = to_byte(at[3]);
+            mesh->colors[v].g = to_byte(at[4]);
+            mesh->colors[v].b = to_byte(at[5]);
         }
     }
 }
@@ -240,7 +219,7 @@ hw_status hw_fit_shading(hw_mesh *mesh, const hw_mesh *original, const hw_rays *
     for (uint32_t face = 0; face < faces; face++)
         sample_face(&f, face, count);
     begin(&f);
-    solve(&f);
+    hw_conjugate_gradients(apply, &f, count_of(&f), CG_STEPS, f.residual, f.step, f.scratch);
     write_back(&f, mesh);
 out:
     fit_free(&f);
