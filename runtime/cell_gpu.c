@@ -66,7 +66,7 @@ static hw_far_draw make_draw(const hw_cell *cell, const hw_far_record *record, u
                          .object_idx = record->object_idx,
                          .first_index = first_index,
                          .index_count = record->index_count,
-                         .middle = hw_box_centre(record->bounds)};
+                         .bounds = record->bounds};
 }
 
 static hw_far_view_draw make_view(const hw_cell *cell, const hw_far_record *record,
@@ -80,21 +80,6 @@ static hw_far_view_draw make_view(const hw_cell *cell, const hw_far_record *reco
     }
     hw_mat4_to_float(&texels, out.texture);
     return out;
-}
-
-static hw_box drawn_box(const hw_far_vertex *vertices, const hw_far_record *record,
-                        const hw_mat4 *matrix)
-{
-    hw_box box = hw_box_empty();
-    const double *m = matrix->m;
-    for (uint32_t k = 0; k < record->vertex_count; k++) {
-        const hw_far_vertex *v = &vertices[record->first_vertex + k];
-        double p[4];
-        for (int i = 0; i < 4; i++)
-            p[i] = m[i] * v->x + m[4 + i] * v->y + m[8 + i] * v->z + m[12 + i];
-        hw_box_add(&box, hw_v3((float)(p[0] / p[3]), (float)(p[1] / p[3]), (float)(p[2] / p[3])));
-    }
-    return box;
 }
 
 // The captures of the MVMeshes, which are the first of the list.
@@ -135,7 +120,6 @@ static hw_status arrange(const hw_cell *cell, hw_cell_data *out)
     for (uint32_t i = 0; i < cell->far_count; i++) {
         const hw_far_record *record = &cell->far[order[i].index];
         records->far[i] = make_draw(cell, record, first);
-        records->far[i].drawn = drawn_box(out->vertices, record, &records->far[i].matrix);
         records->multi_count += record->range_count > 0;
         records->opaque_count += !record->cut_out;
         hw_cull_set_put(&records->far_bounds, i, record->bounds);

@@ -16,10 +16,9 @@ typedef struct hw_far_draw {
     hw_mat4 matrix;   // world <- image space
     float texture[4]; // uv = texture.xy + (x, y) * texture.zw
     uint32_t object_idx, first_index, index_count;
-    // Of MVMeshes: captures, its own first; ranges of its indices; where the object's middle is.
+    // Of MVMeshes: captures, its own first; ranges of its indices.
     uint32_t first_view, view_count, first_range, range_count;
-    hw_vec3 middle;
-    hw_box drawn; // round its vertices, world: the object's own may be a little smaller
+    hw_box bounds; // of its vertices, world
 } hw_far_draw;
 
 // A capture of an MVMesh.

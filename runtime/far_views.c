@@ -53,10 +53,11 @@ void hw_far_views_gl_destroy(hw_far_views_gl *gl)
 static void find_angles(const hw_cell_gpu *cell, const hw_far_draw *far, hw_vec3 eye,
                         float angles[HW_FAR_VIEWS_MAX])
 {
-    hw_vec3 to_eye = hw_v3_normalize(hw_v3_sub(eye, far->middle));
+    hw_vec3 middle = hw_box_centre(far->bounds);
+    hw_vec3 to_eye = hw_v3_normalize(hw_v3_sub(eye, middle));
     for (uint32_t k = 0; k < far->view_count; k++) {
         hw_vec3 to_view =
-            hw_v3_normalize(hw_v3_sub(cell->records->views[far->first_view + k].eye, far->middle));
+            hw_v3_normalize(hw_v3_sub(cell->records->views[far->first_view + k].eye, middle));
         angles[k] = acosf(fminf(fmaxf(hw_v3_dot(to_eye, to_view), -1), 1));
     }
 }

@@ -52,7 +52,7 @@ uint32_t hw_hybrid_hide_far(hybrid *h, const hw_cell_gpu *cell, uint32_t *visibl
     if (!h->hides)
         return count;
     for (uint32_t i = 0; i < count; i++) {
-        bool hidden = hw_hiding_hides(h->hiding, NULL, cell->records->far[visible[i]].drawn);
+        bool hidden = hw_hiding_hides(h->hiding, NULL, cell->records->far[visible[i]].bounds);
         visible[left] = visible[i];
         left += !hidden;
         h->hidden_count += hidden;

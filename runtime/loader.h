@@ -37,7 +37,7 @@ typedef struct hw_mesh_table {
     float *errors;       // surface error, mesh units
     uint64_t *gpu_bytes; // without texture coordinates
     uint32_t *triangles;
-    hw_item *items;      // one for each, away
+    hw_item *items; // one for each, away
 } hw_mesh_table;
 
 // What became of a piece: by its key's kind one of cell, table, level and texture, or an error.
@@ -65,6 +65,7 @@ typedef struct hw_loader_desc {
     const hw_manifest *manifest; // borrowed
     uint64_t bytes_per_second;   // 0 = no limit
     uint64_t ram_budget;         // bytes of results after which nothing more is begun
+    bool want_boxes;             // inside near levels (near_level.h)
     hw_loader_mode mode;
     uint32_t timeout_ms, wait_ms; // of a web server, 0 = defaults (source.h)
 } hw_loader_desc;

@@ -45,7 +45,6 @@ static void pack_vertices(const hw_mesh *mesh, uint8_t *out)
 static hw_status look_inside(const hw_mesh *mesh, hw_near_inside *out)
 {
     bool solid;
-    *out = (hw_near_inside){.bounds = hw_mesh_bounds(mesh)};
     if (mesh->index_count > 3 * INSIDE_TRIANGLES_MAX)
         return HW_OK;
     HW_TRY(hw_mesh_is_solid(mesh, &solid));
@@ -56,7 +55,7 @@ static hw_status look_inside(const hw_mesh *mesh, hw_near_inside *out)
     return HW_OK;
 }
 
-hw_status hw_near_data_make(hw_mesh *mesh, hw_near_data *out)
+hw_status hw_near_data_make(hw_mesh *mesh, bool want_boxes, hw_near_data *out)
 {
     hw_status status = HW_OK;
     *out = (hw_near_data){.vertex_count = mesh->vertex_count,
@@ -67,7 +66,9 @@ hw_status hw_near_data_make(hw_mesh *mesh, hw_near_data *out)
         HW_GO(hw_mesh_compute_normals(mesh));
     HW_GO(hw_alloc((void **)&out->vertices, vertex_bytes(out->vertex_count, out->has_uvs), 1));
     HW_GO(hw_alloc((void **)&out->indices, out->index_count, out->index_bytes));
-    HW_GO(look_inside(mesh, &out->inside));
+    out->inside.bounds = hw_mesh_bounds(mesh);
+    if (want_boxes)
+        HW_GO(look_inside(mesh, &out->inside));
     pack_vertices(mesh, out->vertices);
     hw_gpu_pack_indices(mesh->indices, mesh->index_count, out->index_bytes, out->indices);
 out:

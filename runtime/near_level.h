@@ -20,8 +20,9 @@ typedef struct hw_near_data {
     hw_near_inside inside;
 } hw_near_data;
 
-// The mesh may get normals that it lacks. On failure *out is zeroed. Any thread.
-HW_MUST_USE hw_status hw_near_data_make(hw_mesh *mesh, hw_near_data *out);
+// The mesh may get normals that it lacks. Boxes inside take up to 15 ms and are looked for if they
+// are wanted. On failure *out is zeroed. Any thread.
+HW_MUST_USE hw_status hw_near_data_make(hw_mesh *mesh, bool want_boxes, hw_near_data *out);
 void hw_near_data_free(hw_near_data *data);
 // Bytes of a level in memory, and on the GPU.
 uint64_t hw_near_level_bytes(uint32_t vertex_count, uint32_t index_count, bool has_uvs);

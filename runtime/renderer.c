@@ -33,7 +33,8 @@ hw_status hw_renderer_create(const hw_renderer_desc *desc, hw_renderer **out)
     }
     HW_TRY(HW_NEW(&renderer, 1));
     renderer->backend = configs[desc->config].backend;
-    hw_status status = renderer->backend->create(desc, &renderer->account, &renderer->debug, &renderer->state);
+    hw_status status =
+        renderer->backend->create(desc, &renderer->account, &renderer->debug, &renderer->state);
     if (status != HW_OK) {
         hw_free(renderer);
         return status;

@@ -21,7 +21,8 @@
 #include <string.h>
 
 static struct {
-    const char *tour, *output, *config, *samples, *scene, *frame, *json, *video, *prefetch, *occlusion;
+    const char *tour, *output, *config, *samples, *scene, *frame, *json, *video, *prefetch,
+        *occlusion;
     uint32_t size[2];
     uint64_t every, bandwidth, gpu_budget, ram_budget, near_triangles;
     double lod_error, fps;
