@@ -11,18 +11,18 @@ static const char *output, *json_file, *policy = "screen", *shard, *along, *heig
                                        *occlusion = "off", *clusters = "off", *mvmesh_blend = "off";
 static uint64_t threads, memory, levels, texture_side = 1024, every = 1, mvmesh_views = 3;
 static hw_tour tour; // of --along
-static double cell_size = 50, self_occlusion, edge_length = 4.5, near_error = 0.36,
-              outline_error = 0.045, interior_error = 5, impostor = 1, mvmesh_limit,
-              mvmesh_textured = 120, mvmesh_outline = 0.03, mvmesh_interior = 3,
-              cluster_error = 10;
+static double self_occlusion;
+static hw_build_options build; // begins with the defaults; tolerances go into it directly
 static atomic_bool stop;
 
 static uint32_t options(hw_option *out, uint32_t capacity)
 {
+    if (!build.far.policy)
+        build = hw_build_defaults();
     const hw_option table[] = {
         {"output", 'o', HW_OPTION_STRING, &output, "DATASET", NULL, 0, 0,
          "folder to write (an unfinished build in it is continued)"},
-        {"cell-size", 0, HW_OPTION_DOUBLE, &cell_size, "UNITS", NULL, 1e-3, 1e6,
+        {"cell-size", 0, HW_OPTION_DOUBLE, &build.cell_size, "UNITS", NULL, 1e-3, 1e6,
          "side length of the hexagonal cells"},
         {"heights", 0, HW_OPTION_STRING, &heights, "MIN:MAX", NULL, 0, 0,
          "heights above the ground at which eyes may be"},
@@ -31,30 +31,30 @@ static uint32_t options(hw_option *out, uint32_t capacity)
         {"self-occlusion", 0, HW_OPTION_DOUBLE, &self_occlusion, "PX", NULL, 0, 1e6,
          "T_s, largest self-occluding error of a textured stand-in; 0 means 20 with the policy "
          "screen, 5 with thesis"},
-        {"mvmesh-limit", 0, HW_OPTION_DOUBLE, &mvmesh_limit, "PX", NULL, 0, 1e6,
+        {"mvmesh-limit", 0, HW_OPTION_DOUBLE, &build.far.multi_view_px, "PX", NULL, 0, 1e6,
          "T_mv: objects whose self-occluding error is T_s or more, but below this, are multi-view "
          "meshes instead of near objects; 0 means none"},
-        {"mvmesh-textured", 0, HW_OPTION_DOUBLE, &mvmesh_textured, "PX", NULL, 0, 1e6,
+        {"mvmesh-textured", 0, HW_OPTION_DOUBLE, &build.far.multi_textured_px, "PX", NULL, 0, 1e6,
          "the same for textured objects, whose geometry near by has no levels of detail"},
         {"mvmesh-views", 0, HW_OPTION_UINT, &mvmesh_views, "N", NULL, 1, HW_FAR_VIEWS_MAX - 1,
          "captures of a multi-view mesh: one from the cell's centre, the others from corners"},
         {"mvmesh-blend", 0, HW_OPTION_CHOICE, &mvmesh_blend, "on|off", "on|off", 0, 0,
          "each triangle of a multi-view mesh keeps all captures that see it, to be drawn with the "
          "two nearest to the viewer's direction, not the best one only"},
-        {"mvmesh-outline", 0, HW_OPTION_DOUBLE, &mvmesh_outline, "PX", NULL, 1e-4, 100,
+        {"mvmesh-outline", 0, HW_OPTION_DOUBLE, &build.far.multi_outline_px, "PX", NULL, 1e-4, 100,
          "mean outline deviation of multi-view meshes (policy screen)"},
-        {"mvmesh-interior", 0, HW_OPTION_DOUBLE, &mvmesh_interior, "PX", NULL, 0, 100,
+        {"mvmesh-interior", 0, HW_OPTION_DOUBLE, &build.far.multi_interior_px, "PX", NULL, 0, 100,
          "parallax error inside the outlines of multi-view meshes (policy screen)"},
-        {"edge-length", 0, HW_OPTION_DOUBLE, &edge_length, "PX", NULL, 0, 1e6,
+        {"edge-length", 0, HW_OPTION_DOUBLE, &build.far.edge_length_px, "PX", NULL, 0, 1e6,
          "T_l of the policy thesis"},
-        {"outline-error", 0, HW_OPTION_DOUBLE, &outline_error, "PX", NULL, 1e-4, 100,
+        {"outline-error", 0, HW_OPTION_DOUBLE, &build.far.outline_px, "PX", NULL, 1e-4, 100,
          "mean outline deviation of far objects (policy screen)"},
-        {"interior-error", 0, HW_OPTION_DOUBLE, &interior_error, "PX", NULL, 0, 100,
+        {"interior-error", 0, HW_OPTION_DOUBLE, &build.far.interior_px, "PX", NULL, 0, 100,
          "parallax error inside outlines (policy screen)"},
-        {"impostor", 0, HW_OPTION_DOUBLE, &impostor, "PX", NULL, 0, 100,
+        {"impostor", 0, HW_OPTION_DOUBLE, &build.far.impostor_px, "PX", NULL, 0, 100,
          "objects with a smaller self-occluding error are drawn as textured rectangles, cut out "
          "along their outlines; 0 means none"},
-        {"near-error", 0, HW_OPTION_DOUBLE, &near_error, "PX", NULL, 0, 100,
+        {"near-error", 0, HW_OPTION_DOUBLE, &build.near_error_px, "PX", NULL, 0, 100,
          "surface error (99th percentile) of near objects"},
         {"texture-side", 0, HW_OPTION_UINT, &texture_side, "TEXELS", NULL, 16, 4096,
          "objects with larger captures are near"},
@@ -64,7 +64,7 @@ static uint32_t options(hw_option *out, uint32_t capacity)
         {"clusters", 0, HW_OPTION_CHOICE, &clusters, "on|off", "on|off", 0, 0,
          "draw far objects that lie near each other in the picture as one, where that takes a "
          "smaller texture"},
-        {"cluster-error", 0, HW_OPTION_DOUBLE, &cluster_error, "PX", NULL, 0, 1e6,
+        {"cluster-error", 0, HW_OPTION_DOUBLE, &build.cluster_error_px, "PX", NULL, 0, 1e6,
          "largest self-occluding error of a cluster"},
         {"levels", 0, HW_OPTION_UINT, &levels, "N", NULL, 0, HW_CELL_LEVELS_MAX,
          "levels of the cell hierarchy; each groups seven cells of the one below to draw what is "
@@ -101,9 +101,9 @@ static bool parse_pair(const char *text, char separator, double *a, double *b)
     return end != second && *end == 0 && *a > -1e9 && *a < 1e9 && *b > -1e9 && *b < 1e9;
 }
 
-static hw_status read_options(const char *scene, hw_build_options *o)
+static hw_status read_options(const char *scene)
 {
-    *o = hw_build_defaults();
+    hw_build_options *o = &build;
     o->scene_path = scene;
     o->dataset = output;
     if (!output)
@@ -118,27 +118,16 @@ static hw_status read_options(const char *scene, hw_build_options *o)
         o->shard_index = (uint32_t)k - 1;
         o->shard_count = (uint32_t)n;
     }
-    o->cell_size = cell_size;
     o->levels = (int32_t)levels;
-    o->near_error_px = near_error;
     o->threads = (uint32_t)threads;
     o->memory_bytes = memory;
     o->cull = strcmp(occlusion, "off") == 0       ? HW_OCCLUSION_OFF
               : strcmp(occlusion, "objects") == 0 ? HW_OCCLUSION_OBJECTS
                                                   : HW_OCCLUSION_TRIANGLES;
     o->clusters = strcmp(clusters, "on") == 0;
-    o->cluster_error_px = cluster_error;
     o->far.policy = hw_policy_find(policy);
-    o->far.edge_length_px = edge_length;
-    o->far.outline_px = outline_error;
-    o->far.interior_px = interior_error;
-    o->far.multi_view_px = mvmesh_limit;
-    o->far.multi_textured_px = mvmesh_textured;
     o->far.multi_view_count = (uint32_t)mvmesh_views;
     o->far.multi_blend = strcmp(mvmesh_blend, "on") == 0;
-    o->far.multi_outline_px = mvmesh_outline;
-    o->far.multi_interior_px = mvmesh_interior;
-    o->far.impostor_px = impostor;
     o->far.capture_side_max = (uint32_t)texture_side;
     if (self_occlusion > 0)
         o->far.self_occlusion_px = self_occlusion;
@@ -240,13 +229,12 @@ static hw_status write_json(const hw_build_report *r, const cJSON *used)
 static hw_status run(int argc, const char *const *argv)
 {
     (void)argc;
-    hw_build_options o;
     hw_build_report report;
-    HW_TRY(read_options(argv[0], &o));
+    HW_TRY(read_options(argv[0]));
     struct sigaction action = {.sa_handler = on_signal};
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGTERM, &action, NULL);
-    hw_status status = hw_build_run(&o, &report);
+    hw_status status = hw_build_run(&build, &report);
     hw_tour_free(&tour);
     if (status == HW_INTERRUPTED)
         return hw_fail(HW_INTERRUPTED, "%s: interrupted; the same command goes on where it stopped",

@@ -2,6 +2,7 @@
 #include "alloc.h"
 #include "bytes.h"
 #include "file.h"
+#include "hybrid_options.h"
 #include "import.h"
 #include "json.h"
 #include "log.h"
@@ -51,11 +52,8 @@ static uint32_t fill_options(hw_option *out, uint32_t capacity)
          "Samples per pixel of the configurations."},
         {"lod-error", 0, HW_OPTION_DOUBLE, &options.lod_error, "PX", NULL, 0.001, 1000,
          "Largest projected error of configuration L in pixels."},
-        {"near-triangles", 0, HW_OPTION_UINT, &options.near_triangles, "N", NULL, 1, UINT32_MAX,
-         "Triangles of a frame's near objects in configuration C, at most: beyond that all of them "
-         "become coarser together."},
-        {"occlusion-culling", 0, HW_OPTION_CHOICE, &options.occlusion, NULL, "on|off", 0, 0,
-         "Leave out what near objects hide in configuration C; changes no pixel."},
+        HW_OPTION_NEAR_TRIANGLES(&options.near_triangles),
+        HW_OPTION_OCCLUSION_CULLING(&options.occlusion),
         {"reference-samples", 0, HW_OPTION_UINT, &options.reference_samples, "N", NULL, 1, 4096,
          "Samples per pixel of the reference image."},
         {"size", 0, HW_OPTION_SIZE, options.size, "WxH", NULL, 1, 16384, "Size of the images."},

@@ -2,6 +2,7 @@
 #include "alloc.h"
 #include "context.h"
 #include "file.h"
+#include "hybrid_options.h"
 #include "image_io.h"
 #include "import.h"
 #include "json.h"
@@ -77,11 +78,8 @@ static uint32_t fill_options(hw_option *out, uint32_t capacity)
         {"samples", 0, HW_OPTION_CHOICE, &options.samples, NULL, "1|4", 0, 0, "Samples per pixel."},
         {"lod-error", 0, HW_OPTION_DOUBLE, &options.lod_error, "PX", NULL, 0.001, 1000,
          "Largest projected error of configuration L in pixels."},
-        {"near-triangles", 0, HW_OPTION_UINT, &options.near_triangles, "N", NULL, 1, UINT32_MAX,
-         "Triangles of a frame's near objects in configuration C, at most: beyond that all of them "
-         "become coarser together."},
-        {"occlusion-culling", 0, HW_OPTION_CHOICE, &options.occlusion, NULL, "on|off", 0, 0,
-         "Leave out what near objects hide in configuration C; changes no pixel."},
+        HW_OPTION_NEAR_TRIANGLES(&options.near_triangles),
+        HW_OPTION_OCCLUSION_CULLING(&options.occlusion),
         {"scene", 0, HW_OPTION_STRING, &options.scene, "SCENE", NULL, 0, 0,
          "The original scene for configurations A, B and L, if it has moved since the build."},
         {"prefetch", 0, HW_OPTION_CHOICE, &options.prefetch, NULL, "on|off", 0, 0,

@@ -267,7 +267,8 @@ static void print_facts(const hw_mesh *mesh, const hw_simplified *s, uint64_t by
            mesh->name ? mesh->name : "mesh", f->faces_before, f->vertices_before,
            s->mesh.index_count / 3, s->mesh.vertex_count, f->seconds);
     if (f->dropped_faces)
-        printf("  %u degenerate triangles, or pairs back to back, took no part\n", f->dropped_faces);
+        printf("  %u degenerate triangles, or pairs back to back, took no part\n",
+               f->dropped_faces);
     if (f->split_vertices)
         printf("  %u vertices were copied where sheets touch\n", f->split_vertices);
     if (f->complex_edges)

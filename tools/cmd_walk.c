@@ -1,4 +1,5 @@
 // hexwalk walk: a window to walk through a dataset, or a scene without one.
+#include "hybrid_options.h"
 #include "keys.h"
 #include "log.h"
 #include "system.h"
@@ -169,11 +170,8 @@ static uint32_t fill_options(hw_option *out, uint32_t capacity)
          "Whether objects stand in the way; F9 changes it."},
         {"lod-error", 0, HW_OPTION_DOUBLE, &o->lod_error, "PX", NULL, 0.01, 100,
          "Largest projected error of configuration L in pixels."},
-        {"near-triangles", 0, HW_OPTION_UINT, &o->near_triangles, "N", NULL, 1, UINT32_MAX,
-         "Triangles of a frame's near objects in configuration C, at most: beyond that all of them "
-         "become coarser together."},
-        {"occlusion-culling", 0, HW_OPTION_CHOICE, &o->occlusion, NULL, "on|off", 0, 0,
-         "Leave out what near objects hide in configuration C; changes no pixel."},
+        HW_OPTION_NEAR_TRIANGLES(&o->near_triangles),
+        HW_OPTION_OCCLUSION_CULLING(&o->occlusion),
         {"record", 0, HW_OPTION_STRING, &o->record, "TOUR.json", NULL, 0, 0,
          "Record the walk as a tour from the start."},
         {"scene", 0, HW_OPTION_STRING, &o->scene, "SCENE", NULL, 0, 0,
