@@ -76,33 +76,48 @@ static double occlusion_bound(const hw_cell_view *view, double side, hw_box box)
     return hw_self_occluding_error(side, least, most - least, HW_REFERENCE_IMAGE_PX);
 }
 
-// Whether the cell of a higher level stands for an object, for all the cells that it groups. Told
-// from the object's box alone, so that every cell comes to the same answer without deriving
-// anything; an object that passes can be derived from the cell: it lies two cell sides away at
-// least, its self-occluding error stays below the limit however it is shaped, and its capture is
-// not too large. What would be a mesh from the group but is flat from its cells stays with them: an
-// impostor costs them less.
-static bool group_serves(const hw_cell_inputs *in, const hw_cell_view *view, hw_box box)
+// Whether the object is no impostor from the group but flat from its cells: then it stays with
+// them, where an impostor costs less than the group's mesh.
+static bool is_flat_from_cells_only(const hw_cell_inputs *in, const hw_cell_view *view,
+                                    uint32_t object_idx)
 {
+    const hw_object *object = &in->scene->objects[object_idx];
+    double flat = in->far.impostor_px, bound = occlusion_bound(view, view->size, object->bounds);
+    if (bound < flat || occlusion_bound(view, in->grid->cell_size, object->bounds) >= flat)
+        return false;
+    const hw_svmesh_job job = {.view = view,
+                               .scene = in->scene,
+                               .chain = &in->chains[object->mesh_idx],
+                               .object_idx = object_idx};
+    return hw_svmesh_self_occlusion(&job) >= flat;
+}
+
+// Whether the cell of a higher level stands for an object, for all the cells that it groups. Told
+// from the group and the object alone, so that every cell comes to the same answer without deriving
+// anything; an object that passes can be derived from the group: it lies two cell sides away at
+// least, its self-occluding error stays below the limit however it is shaped, and its capture is
+// not too large.
+static bool group_serves(const hw_cell_inputs *in, const hw_cell_view *view, uint32_t object_idx)
+{
+    hw_box box = in->scene->objects[object_idx].bounds;
     double nearest = hw_region_distance_to(view->grid, view->id, box).nearest;
     if (nearest < GROUP_DISTANCE * view->size)
         return false;
     double angle = (double)hw_box_diagonal(box) / nearest;
-    double error = occlusion_bound(view, view->size, box), flat = in->far.impostor_px;
-    bool stays = error >= flat && occlusion_bound(view, in->grid->cell_size, box) < flat;
-    return !stays && error < in->far.self_occlusion_px &&
-           GROUP_WINDOW * angle * view->focal_px < in->far.capture_side_max;
+    return occlusion_bound(view, view->size, box) < in->far.self_occlusion_px &&
+           GROUP_WINDOW * angle * view->focal_px < in->far.capture_side_max &&
+           !is_flat_from_cells_only(in, view, object_idx);
 }
 
 // Whether the object is this cell's to draw: no group above it serves the object, and a group
 // serves it itself.
 static bool is_ours(const hw_cell_inputs *in, const hw_cell_view *view, const hw_cell_view *groups,
-                    hw_box box)
+                    uint32_t object_idx)
 {
     for (int32_t l = view->id.level + 1; l < in->grid->levels; l++)
-        if (group_serves(in, &groups[l], box))
+        if (group_serves(in, &groups[l], object_idx))
             return false;
-    return view->id.level == 0 || group_serves(in, view, box);
+    return view->id.level == 0 || group_serves(in, view, object_idx);
 }
 
 static hw_status add_object(const hw_cell_inputs *in, const hw_cell_view *view,
@@ -303,8 +318,7 @@ static hw_status add_objects(const hw_cell_inputs *in, const hw_cell_view *view,
     }
     for (uint32_t i = 0; i < count; i++) {
         uint32_t k = in->backwards ? count - 1 - i : i, object_idx = in->order ? in->order[k] : k;
-        if ((seen && !seen[object_idx]) ||
-            !is_ours(in, view, groups, in->scene->objects[object_idx].bounds))
+        if ((seen && !seen[object_idx]) || !is_ours(in, view, groups, object_idx))
             continue;
         HW_GO(hw_budget_use(in->budget, in->scene->objects[object_idx].mesh_idx));
         HW_GO(add_object(in, view, &far, object_idx, a));

@@ -165,17 +165,28 @@ static uint8_t to_byte(float value)
     return (uint8_t)(fminf(fmaxf(value, 0), 1) * 255 + 0.5f);
 }
 
-// One row of texels. The rays of a texel lie side by side in `directions` and `hits`, so that a
-// packet of rays covers a compact patch.
+// What the rays of a texel have met so far.
+typedef struct texel_sum {
+    rgb color;
+    uint16_t cast, covered;
+    float nearest, depth; // of the ray next to the texel's centre that met something
+} texel_sum;
+
+// Some of the rays of some texels of a row. The rays of a texel lie side by side in `directions`
+// and `hits`, so that a packet of rays covers a compact patch.
 typedef struct row_job {
     const hw_capturer *capturer;
     const hw_capture_window *window;
     uint32_t object_idx, samples;
     bool coherent;
     float centre_distance[HW_CAPTURE_SAMPLES_MAX * HW_CAPTURE_SAMPLES_MAX];
+    // The rays of a texel: those that all get, then those of outlines.
+    uint32_t first_count, order[HW_CAPTURE_SAMPLES_MAX * HW_CAPTURE_SAMPLES_MAX];
     hw_vec3 axis, right, up; // world
     hw_vec3 *directions;
     hw_hit *hits;
+    uint32_t *columns; // of the texels whose rays these are
+    texel_sum *sums;   // of the whole window
     shader shader;
 } row_job;
 
@@ -191,44 +202,96 @@ static float sample_y(const row_job *job, uint32_t j, uint32_t k)
            ((float)(j * job->samples + k / job->samples) + 0.5f) * job->shader.step_y;
 }
 
-static void resolve_texel(row_job *job, uint32_t i, uint32_t j, hw_capture *out)
+static void add_hit(row_job *job, uint32_t i, uint32_t j, uint32_t k, const hw_hit *hit,
+                    texel_sum *sum)
 {
-    uint32_t per_texel = job->samples * job->samples, covered = 0;
-    const hw_hit *hits = job->hits + (size_t)i * per_texel;
-    float nearest = INFINITY, depth = INFINITY;
-    rgb sum = {0, 0, 0};
-    for (uint32_t k = 0; k < per_texel; k++) {
-        if (hits[k].t == INFINITY)
-            continue;
-        rgb color = shade(&job->shader, &hits[k], sample_x(job, i, k), sample_y(job, j, k));
-        sum = (rgb){sum.r + color.r, sum.g + color.g, sum.b + color.b};
-        covered++;
-        if (job->centre_distance[k] < nearest) {
-            nearest = job->centre_distance[k];
-            depth = hits[k].t;
-        }
-    }
-    size_t texel = (size_t)j * out->width + i;
-    out->depths[texel] = depth;
-    out->coverage[texel] = (uint8_t)((covered * 255 + per_texel / 2) / per_texel);
-    if (covered == 0)
+    sum->cast++;
+    if (hit->t == INFINITY)
         return;
-    float n = (float)covered;
-    out->colors[texel] =
-        (hw_color8){to_byte(sum.r / n), to_byte(sum.g / n), to_byte(sum.b / n), 255};
+    rgb color = shade(&job->shader, hit, sample_x(job, i, k), sample_y(job, j, k));
+    sum->color = (rgb){sum->color.r + color.r, sum->color.g + color.g, sum->color.b + color.b};
+    if (sum->covered++ == 0 || job->centre_distance[k] < sum->nearest) {
+        sum->nearest = job->centre_distance[k];
+        sum->depth = hit->t;
+    }
 }
 
-static void capture_row(row_job *job, uint32_t j, hw_capture *out)
+// Casts the rays order[first] to order[end - 1] of the first `count` texels in columns.
+static void cast_row(row_job *job, uint32_t j, uint32_t count, uint32_t first, uint32_t end)
 {
-    uint32_t per_texel = job->samples * job->samples, n = 0;
-    for (uint32_t i = 0; i < out->width; i++)
-        for (uint32_t k = 0; k < per_texel; k++)
-            job->directions[n++] = hw_v3_mad(hw_v3_mad(job->axis, job->right, sample_x(job, i, k)),
-                                             job->up, sample_y(job, j, k));
+    uint32_t n = 0;
+    for (uint32_t c = 0; c < count; c++)
+        for (uint32_t o = first; o < end; o++)
+            job->directions[n++] = hw_v3_mad(
+                hw_v3_mad(job->axis, job->right, sample_x(job, job->columns[c], job->order[o])),
+                job->up, sample_y(job, j, job->order[o]));
     hw_rays_cast_object_many(job->capturer->rays, job->object_idx, job->window->centre,
                              job->directions, n, job->coherent, INFINITY, job->hits);
-    for (uint32_t i = 0; i < out->width; i++)
-        resolve_texel(job, i, j, out);
+    texel_sum *row = job->sums + (size_t)j * job->window->width;
+    const hw_hit *hit = job->hits;
+    for (uint32_t c = 0; c < count; c++)
+        for (uint32_t o = first; o < end; o++)
+            add_hit(job, job->columns[c], j, job->order[o], hit++, &row[job->columns[c]]);
+}
+
+// Whether an outline passes through the texel or beside it, as far as the rays so far tell: they
+// have not all met something, or all nothing, in it and the eight round it.
+static bool is_at_outline(const row_job *job, uint32_t x, uint32_t y)
+{
+    uint32_t width = job->window->width, height = job->window->height, covered = 0, cast = 0;
+    for (uint32_t j = y > 0 ? y - 1 : 0; j < height && j <= y + 1; j++)
+        for (uint32_t i = x > 0 ? x - 1 : 0; i < width && i <= x + 1; i++) {
+            const texel_sum *s = &job->sums[(size_t)j * width + i];
+            covered += s->covered > 0;
+            cast += s->covered < s->cast;
+        }
+    return covered > 0 && cast > 0;
+}
+
+static void cast_rays(row_job *job)
+{
+    uint32_t width = job->window->width, all = job->samples * job->samples;
+    for (uint32_t i = 0; i < width; i++)
+        job->columns[i] = i;
+    for (uint32_t j = 0; j < job->window->height; j++)
+        cast_row(job, j, width, 0, job->first_count);
+    for (uint32_t j = 0; j < job->window->height && job->first_count < all; j++) {
+        uint32_t count = 0;
+        for (uint32_t i = 0; i < width; i++)
+            if (is_at_outline(job, i, j))
+                job->columns[count++] = i;
+        cast_row(job, j, count, job->first_count, all);
+    }
+}
+
+static void resolve_texel(const texel_sum *sum, size_t texel, hw_capture *out)
+{
+    out->depths[texel] = sum->covered ? sum->depth : INFINITY;
+    out->coverage[texel] = (uint8_t)((sum->covered * 255u + sum->cast / 2u) / sum->cast);
+    if (sum->covered == 0)
+        return;
+    float n = (float)sum->covered;
+    out->colors[texel] = (hw_color8){to_byte(sum->color.r / n), to_byte(sum->color.g / n),
+                                     to_byte(sum->color.b / n), 255};
+}
+
+// Four rays tell the colour of a texel within an outline as well as more do; where an outline
+// passes, more tell how much is covered. The four of a grid of 4 x 4 lie in different rows and
+// columns.
+static void set_up_order(row_job *job)
+{
+    static const uint32_t four[4] = {1, 7, 8, 14};
+    uint32_t all = job->samples * job->samples, n = 0;
+    job->first_count = job->samples == 4 ? 4 : all;
+    for (uint32_t k = 0; k < 4 && job->samples == 4; k++)
+        job->order[n++] = four[k];
+    for (uint32_t k = 0; k < all; k++) {
+        bool placed = false;
+        for (uint32_t m = 0; m < 4 && job->samples == 4; m++)
+            placed = placed || k == four[m];
+        if (!placed)
+            job->order[n++] = k;
+    }
 }
 
 static hw_status set_up_job(row_job *job, const hw_capturer *capturer, uint32_t object_idx,
@@ -242,6 +305,7 @@ static hw_status set_up_job(row_job *job, const hw_capturer *capturer, uint32_t 
         float y = (float)(2 * (k / samples) + 1) - (float)samples;
         job->centre_distance[k] = x * x + y * y;
     }
+    set_up_order(job);
     hw_face_basis(window->face, &job->axis, &job->right, &job->up);
     job->shader = shader_make(capturer, object_idx, job->axis, job->right, job->up);
     job->shader.step_x = (window->x_max - window->x_min) / (float)(window->width * samples);
@@ -250,7 +314,9 @@ static hw_status set_up_job(row_job *job, const hw_capturer *capturer, uint32_t 
     // Measured: coherent traversal wins as soon as there are a few rays per visible triangle.
     job->coherent = rays * window->height > job->shader.mesh->index_count / 3 / 4;
     HW_TRY(HW_NEW(&job->directions, rays));
-    return HW_NEW(&job->hits, rays);
+    HW_TRY(HW_NEW(&job->hits, rays));
+    HW_TRY(HW_NEW(&job->columns, window->width));
+    return HW_NEW(&job->sums, (size_t)window->width * window->height);
 }
 
 bool hw_capture_point(const hw_capturer *capturer, uint32_t object_idx, hw_vec3 origin,
@@ -297,13 +363,16 @@ hw_status hw_capture_object(const hw_capturer *capturer, uint32_t object_idx,
     HW_GO(HW_NEW(&out->depths, (size_t)out->width * out->height));
     HW_GO(hw_rays_pin(capturer->rays, object_idx));
     pinned = true;
-    for (uint32_t j = 0; j < out->height; j++)
-        capture_row(&job, j, out);
+    cast_rays(&job);
+    for (size_t texel = 0; texel < (size_t)out->width * out->height; texel++)
+        resolve_texel(&job.sums[texel], texel, out);
 out:
     if (pinned)
         hw_rays_unpin(capturer->rays, object_idx);
     hw_free(job.directions);
     hw_free(job.hits);
+    hw_free(job.columns);
+    hw_free(job.sums);
     if (status != HW_OK)
         hw_capture_free(out);
     thread_ms += hw_clock_ms() - start;

@@ -33,8 +33,9 @@ void hw_capturer_destroy(hw_capturer *capturer);
 const hw_rays *hw_capturer_rays(const hw_capturer *capturer);
 
 // Captures one object alone (others neither show nor occlude) with samples x samples rays a texel,
-// on a regular grid; samples in 1..HW_CAPTURE_SAMPLES_MAX. Only what lies in front of the centre
-// shows; both faces of triangles do.
+// on a regular grid; samples in 1..HW_CAPTURE_SAMPLES_MAX. With 4 x 4, four of the rays go first,
+// the rest only where these tell of an outline: in a texel that some met something in or beside,
+// but not all. Only what lies in front of the centre shows; both faces of triangles do.
 //
 // A sample's colour is texture (filtered over the sample's footprint; none without uvs) x base
 // colour x the interpolation over the triangle of vertex colour x hw_light(world normal): per

@@ -8,7 +8,7 @@
 
 // Colours spread this far beyond an object's outline, so that filtering and simplified outlines
 // never meet the background.
-#define DILATION_TEXELS  6u
+#define DILATION_TEXELS  2u
 #define EXTENT_FACES     1000u
 #define IMPOSTOR_SAMPLES 4u         // rays per texel and axis: outlines are as good as the coverage
 #define QUANTUM_PX       (1.0 / 32) // coarser steps show on silhouettes
@@ -324,8 +324,7 @@ static const hw_mesh *extent_level(const hw_chain *chain)
     return &chain->levels[l];
 }
 
-// Distance from the cell centre and depth of what faces the cell give the self-occluding error.
-static double self_occlusion(const hw_svmesh_job *job)
+double hw_svmesh_self_occlusion(const hw_svmesh_job *job)
 {
     const hw_object *object = &job->scene->objects[job->object_idx];
     const hw_mesh *level = extent_level(job->chain);
@@ -410,9 +409,8 @@ hw_status hw_svmesh_finish(const hw_svmesh_job *job, const hw_view_mesh *mesh, b
         goto out;
     out->record.bounds = record_bounds(out, job->view->centre);
     out->record.cut_out = cut_out;
-    HW_GO(hw_svmesh_capture(job, &window,
-                            cut_out ? IMPOSTOR_SAMPLES : job->options->capture_samples,
-                            &out->capture));
+    HW_GO(hw_svmesh_capture(
+        job, &window, cut_out ? IMPOSTOR_SAMPLES : job->options->capture_samples, &out->capture));
 out:
     if (status != HW_OK || out->record.index_count == 0)
         hw_svmesh_free(out);
@@ -427,7 +425,7 @@ static bool must_be_near(hw_svmesh_job *job, double *error)
     *error = INFINITY;
     if (job->distance.nearest <= 0 || !in_front(job))
         return true;
-    *error = self_occlusion(job);
+    *error = hw_svmesh_self_occlusion(job);
     if (*error < options->self_occlusion_px)
         return false;
     const hw_object *object = &job->scene->objects[job->object_idx];

@@ -106,9 +106,14 @@ const hw_svmesh_policy *hw_policy_find(const char *name);
 // of the object faces the cell.
 HW_MUST_USE hw_status hw_svmesh_derive(hw_svmesh_job *job, bool *is_near, hw_svmesh *out);
 
-// The rest of a derivation: window, quantised vertices, record and capture of a mesh in image space.
-// `cut_out` as in hw_far_record. *fits tells whether the capture is not too large; *out is left empty if it is, or if nothing is
-// left of the mesh.
+// The self-occluding error of the object, from its distance to the cell's centre and the depth of
+// what of it faces the cell, pixels; 0 if nothing does. Of the job, view, scene, chain and
+// object_idx count.
+double hw_svmesh_self_occlusion(const hw_svmesh_job *job);
+
+// The rest of a derivation: window, quantised vertices, record and capture of a mesh in image
+// space. `cut_out` as in hw_far_record. *fits tells whether the capture is not too large; *out is
+// left empty if it is, or if nothing is left of the mesh.
 HW_MUST_USE hw_status hw_svmesh_finish(const hw_svmesh_job *job, const hw_view_mesh *mesh,
                                        bool cut_out, bool *fits, hw_svmesh *out);
 

@@ -212,6 +212,41 @@ static void test_texture_is_filtered(void **state)
     clear_stage(&s);
 }
 
+// A capture of 4 x 4 samples sees what one of a sample in each of four times as many rows and
+// columns does: the same coverage, and colours as close as four samples in place of 16 are.
+static void test_outlines_get_all_samples(void **state)
+{
+    (void)state;
+    hw_mesh mesh = shape_sphere(hw_v3(0, 0, 0), 1, 32, 16);
+    stage s;
+    hw_vec3 centre = hw_v3(0, 0, 0);
+    set_stage(&s, &mesh, facing(0, centre, 50, 4.3), NULL);
+    hw_capture_window window = {centre, 0, -0.1f, 0.1f, -0.1f, 0.1f, 23, 23};
+    hw_capture c = capture(&s, window, 4);
+    window.width = window.height = 4 * 23;
+    hw_capture fine = capture(&s, window, 1);
+    uint32_t partly = 0, whole = 0, none = 0;
+    for (uint32_t j = 0; j < 23; j++)
+        for (uint32_t i = 0; i < 23; i++) {
+            uint32_t covered = 0, red = 0;
+            for (uint32_t k = 0; k < 16; k++) {
+                hw_color8 color = fine.colors[(4 * j + k / 4) * 4 * 23 + 4 * i + k % 4];
+                covered += color.a == 255;
+                red += color.a == 255 ? color.r : 0;
+            }
+            assert_int_equal(c.coverage[23 * j + i], (covered * 255 + 8) / 16);
+            if (covered > 0)
+                assert_float_equal(c.colors[23 * j + i].r, (double)red / covered, 4);
+            partly += covered > 0 && covered < 16;
+            whole += covered == 16;
+            none += covered == 0;
+        }
+    assert_true(partly > 20 && whole > 100 && none > 50);
+    hw_capture_free(&c);
+    hw_capture_free(&fine);
+    clear_stage(&s);
+}
+
 static void test_dilate(void **state)
 {
     (void)state;
@@ -332,6 +367,7 @@ int main(void)
         cmocka_unit_test(test_samples_average_what_is_covered),
         cmocka_unit_test(test_depth_is_the_middle_samples),
         cmocka_unit_test(test_texture_is_filtered),
+        cmocka_unit_test(test_outlines_get_all_samples),
         cmocka_unit_test(test_dilate),
         cmocka_unit_test(test_failures),
         cmocka_unit_test(test_several_objects),
