@@ -65,7 +65,6 @@ typedef struct hw_loader_desc {
     const hw_manifest *manifest; // borrowed
     uint64_t bytes_per_second;   // 0 = no limit
     uint64_t ram_budget;         // bytes of results after which nothing more is begun
-    bool want_boxes;             // inside near levels (near_level.h)
     hw_loader_mode mode;
     uint32_t timeout_ms, wait_ms; // of a web server, 0 = defaults (source.h)
 } hw_loader_desc;

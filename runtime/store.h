@@ -20,7 +20,6 @@ typedef struct hw_store_desc {
     hw_loader_mode mode;
     uint64_t gpu_budget, ram_budget, frame_bytes; // 0 = defaults
     uint64_t bytes_per_second;                    // 0 = no limit
-    bool want_boxes;                              // inside near levels (near_level.h)
 } hw_store_desc;
 
 typedef struct hw_store hw_store;

@@ -156,8 +156,15 @@ static UNUSED void write_mesh(const fixture *f, uint32_t idx, const hw_mesh *lev
                               const hw_mesh_level_info *infos, uint32_t count)
 {
     char *path = NULL;
+    hw_inner_boxes boxes[HW_MESH_LEVELS_MAX] = {{.count = 0}};
+    for (uint32_t i = 0; i < count; i++) {
+        bool solid;
+        assert_ok(hw_mesh_is_solid(&levels[i], &solid));
+        if (solid)
+            assert_ok(hw_inner_boxes_find(&levels[i], &boxes[i]));
+    }
     assert_ok(hw_mesh_path(&path, f->folder, idx));
-    assert_ok(hw_mesh_file_write(path, 1, levels, infos, count));
+    assert_ok(hw_mesh_file_write(path, 1, levels, infos, boxes, count));
     hw_free(path);
 }
 

@@ -115,7 +115,7 @@ static void write_wide_and_thin(const char *folder, uint32_t mesh_idx, float err
         assert_int_equal(hw_mesh_compute_normals(&levels[i]), HW_OK);
     }
     assert_int_equal(hw_mesh_path(&path, folder, mesh_idx), HW_OK);
-    assert_int_equal(hw_mesh_file_write(path, 1, levels, infos, 2), HW_OK);
+    assert_int_equal(hw_mesh_file_write(path, 1, levels, infos, NULL, 2), HW_OK);
     hw_free(path);
     hw_mesh_free(&levels[0]);
     hw_mesh_free(&levels[1]);
