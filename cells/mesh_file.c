@@ -1,6 +1,7 @@
 #include "mesh_file.h"
 #include "mesh_level.h"
 #include <assert.h>
+#include <math.h>
 #include <stdio.h>
 
 #define TAG_TABLE HW_FOURCC('L', 'E', 'V', 'S')
@@ -110,6 +111,11 @@ hw_status hw_mesh_file_open_front(hw_mesh_file **out, const char *name, const vo
     HW_TRY(open_container(out, name, container));
     hw_container_release(container);
     return HW_OK;
+}
+
+float hw_mesh_level_error(const hw_mesh_level_info *info)
+{
+    return fmaxf(info->error_p99, HW_MESH_SHADING_WEIGHT * info->error_shading);
 }
 
 void hw_mesh_file_close(hw_mesh_file *file)

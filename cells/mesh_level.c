@@ -2,7 +2,7 @@
 #include "geometry_codec.h"
 
 #define TABLE_HEADER_BYTES 8u
-#define TABLE_ENTRY_BYTES  20u
+#define TABLE_ENTRY_BYTES  24u
 
 // Streams of a level, in the order of the chunk.
 enum { POSITIONS, NORMALS, COLORS, UVS, INDICES, STREAM_COUNT };
@@ -242,9 +242,12 @@ hw_status hw_mesh_table_validate(const char *name, const hw_mesh_level_info *inf
         if (!error_is_fine(l->error_rms, i ? l[-1].error_rms : 0) ||
             !error_is_fine(l->error_p99, i ? l[-1].error_p99 : 0) ||
             !error_is_fine(l->error_silhouette, 0) ||
-            (i == 0 && (l->error_rms > 0 || l->error_p99 > 0 || l->error_silhouette > 0)))
-            return hw_fail(HW_FORMAT, "%s: level %u: errors %g, %g, %g", name, i,
-                           (double)l->error_rms, (double)l->error_p99, (double)l->error_silhouette);
+            !error_is_fine(l->error_shading, i ? l[-1].error_shading : 0) ||
+            (i == 0 && (l->error_rms > 0 || l->error_p99 > 0 || l->error_silhouette > 0 ||
+                        l->error_shading > 0)))
+            return hw_fail(HW_FORMAT, "%s: level %u: errors %g, %g, %g, %g", name, i,
+                           (double)l->error_rms, (double)l->error_p99, (double)l->error_silhouette,
+                           (double)l->error_shading);
     }
     return HW_OK;
 }
@@ -263,6 +266,7 @@ hw_status hw_mesh_table_encode(const hw_mesh_level_info *infos, uint32_t count, 
         hw_put_f32(&w, infos[i].error_rms);
         hw_put_f32(&w, infos[i].error_p99);
         hw_put_f32(&w, infos[i].error_silhouette);
+        hw_put_f32(&w, infos[i].error_shading);
     }
     hw_status status = hw_bytes_writer_check(&w);
     if (status != HW_OK) {
@@ -294,6 +298,7 @@ hw_status hw_mesh_table_decode(const char *name, const uint8_t *bytes, size_t si
         infos[i].error_rms = hw_get_f32(&r);
         infos[i].error_p99 = hw_get_f32(&r);
         infos[i].error_silhouette = hw_get_f32(&r);
+        infos[i].error_shading = hw_get_f32(&r);
     }
     return hw_mesh_table_validate(name, infos, *count);
 }

@@ -127,7 +127,7 @@ static hw_status copy_table(const hw_mesh_file *file, uint32_t mesh, hw_mesh_tab
     HW_TRY(HW_NEW(&out->items, count));
     for (uint32_t i = 0; i < count; i++) {
         const hw_mesh_level_info *info = hw_mesh_file_level(file, i);
-        out->errors[i] = info->error_p99;
+        out->errors[i] = hw_mesh_level_error(info);
         out->items[i].key = (hw_data_key){HW_DATA_LEVEL, mesh, i};
         out->triangles[i] = info->index_count / 3;
         out->gpu_bytes[i] = hw_near_level_bytes(info->vertex_count, info->index_count, false);

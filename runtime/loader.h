@@ -34,7 +34,7 @@ typedef struct hw_item {
 // A near mesh's levels, finest first.
 typedef struct hw_mesh_table {
     uint32_t level_count;
-    float *errors;       // surface error, mesh units
+    float *errors;       // hw_mesh_level_error
     uint64_t *gpu_bytes; // without texture coordinates
     uint32_t *triangles;
     hw_item *items; // one for each, away

@@ -65,8 +65,7 @@ void hw_store_use_cell(hw_store *store, hw_cell_gpu *cell);
 
 // A near mesh's table; NULL: it is away.
 const hw_mesh_table *hw_store_table(const hw_store *store, uint32_t mesh);
-// Of a mesh whose table is here, the coarsest level whose surface error is at most `error` mesh
-// units.
+// Of a mesh whose table is here, the coarsest level whose error is at most `error` mesh units.
 uint32_t hw_mesh_table_choose(const hw_mesh_table *table, double error);
 // The level if it is ready, else the next coarser or, if there is none, finer one that is; marked
 // as used. NULL: none is.

@@ -300,6 +300,7 @@ static hw_status describe_mesh(const char *path, cJSON *json)
         hw_json_add_number(row, "error_rms", (double)level->error_rms);
         hw_json_add_number(row, "error_p99", (double)level->error_p99);
         hw_json_add_number(row, "error_silhouette", (double)level->error_silhouette);
+        hw_json_add_number(row, "error_shading", (double)level->error_shading);
         add_integer(row, "inner_boxes", boxes.count);
     }
     hw_mesh_file_close(file);

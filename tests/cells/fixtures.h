@@ -175,8 +175,12 @@ static UNUSED void fixture_levels(hw_mesh levels[FIXTURE_LEVELS],
 {
     for (uint32_t i = 0; i < FIXTURE_LEVELS; i++) {
         fixture_mesh(&levels[i], side - i, i < 2);
-        infos[i] = (hw_mesh_level_info){levels[i].vertex_count, levels[i].index_count, 0.5f * i,
-                                        1.5f * i, 0.25f * i};
+        infos[i] = (hw_mesh_level_info){levels[i].vertex_count,
+                                        levels[i].index_count,
+                                        0.5f * i,
+                                        1.5f * i,
+                                        0.25f * i,
+                                        0.125f * i};
     }
 }
 

@@ -223,7 +223,7 @@ static void test_bad_levels(void **state)
     hw_mesh levels[FIXTURE_LEVELS];
     hw_mesh_level_info good[FIXTURE_LEVELS], bad[FIXTURE_LEVELS];
     fixture_levels(levels, good, 5);
-    for (int k = 0; k < 8; k++) {
+    for (int k = 0; k < 11; k++) {
         memcpy(bad, good, sizeof good);
         if (k == 0)
             bad[0].error_rms = 0.1f; // the original has no error
@@ -239,7 +239,13 @@ static void test_bad_levels(void **state)
             bad[1].vertex_count--;
         if (k == 6)
             bad[2].index_count -= 3;
-        uint32_t count = k == 7 ? 0 : FIXTURE_LEVELS;
+        if (k == 7)
+            bad[0].error_shading = 0.1f;
+        if (k == 8)
+            bad[2].error_shading = 0.1f; // falls
+        if (k == 9)
+            bad[2].error_shading = NAN;
+        uint32_t count = k == 10 ? 0 : FIXTURE_LEVELS;
         assert_int_equal(hw_mesh_file_write("bad.hxm", 1, levels, bad, NULL, count), HW_FORMAT);
         assert_non_null(strstr(hw_error_text(), "bad.hxm: "));
     }
@@ -261,7 +267,7 @@ static void test_hostile_level(void **state)
     uint8_t *bytes = NULL;
     size_t size = 0;
     fixture_mesh(&mesh, 5, true);
-    hw_mesh_level_info info = {mesh.vertex_count, mesh.index_count, 0, 0, 0};
+    hw_mesh_level_info info = {mesh.vertex_count, mesh.index_count, 0, 0, 0, 0};
     hw_inner_boxes boxes;
     fixture_boxes(&boxes, &mesh, HW_INNER_BOXES_MAX);
     must(hw_mesh_level_encode(&mesh, &boxes, &bytes, &size));
@@ -303,7 +309,7 @@ static void test_hostile_level(void **state)
 // A level's bytes with these boxes, encoded without a check.
 static hw_status decode_with(const hw_mesh *mesh, const hw_inner_boxes *boxes, uint32_t count)
 {
-    hw_mesh_level_info info = {mesh->vertex_count, mesh->index_count, 0, 0, 0};
+    hw_mesh_level_info info = {mesh->vertex_count, mesh->index_count, 0, 0, 0, 0};
     hw_mesh out;
     hw_inner_boxes got;
     uint8_t *bytes = NULL;
@@ -335,7 +341,7 @@ static void test_hostile_boxes(void **state)
         const float bad[] = {NAN, INFINITY, -INFINITY, upper ? -1e9f : 1e9f, upper ? 1e9f : -1e9f};
         float saved = numbers[at];
         for (int k = 0; k < 5; k++) {
-            const hw_mesh_level_info info = {mesh.vertex_count, mesh.index_count, 0, 0, 0};
+            const hw_mesh_level_info info = {mesh.vertex_count, mesh.index_count, 0, 0, 0, 0};
             numbers[at] = bad[k];
             assert_int_equal(decode_with(&mesh, &good, HW_INNER_BOXES_MAX), HW_FORMAT);
             assert_non_null(strstr(hw_error_text(), "boxes: "));
@@ -353,7 +359,7 @@ static void test_hostile_boxes(void **state)
 static void test_bad_tables(void **state)
 {
     (void)state;
-    hw_mesh_level_info infos[HW_MESH_LEVELS_MAX] = {{3, 3, 0, 0, 0}, {3, 3, 1, 2, 3}};
+    hw_mesh_level_info infos[HW_MESH_LEVELS_MAX] = {{3, 3, 0, 0, 0, 0}, {3, 3, 1, 2, 3, 4}};
     uint8_t *bytes = NULL;
     size_t size = 0;
     uint32_t count = 0;

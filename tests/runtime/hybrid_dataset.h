@@ -173,7 +173,7 @@ static UNUSED void write_meshes(const fixture *f)
     char path[96];
     for (uint32_t i = 0; i < NEAR_OBJECTS; i++) {
         const hw_mesh *mesh = &f->scene.meshes[i];
-        const hw_mesh_level_info info = {mesh->vertex_count, mesh->index_count, 0, 0, 0};
+        const hw_mesh_level_info info = {mesh->vertex_count, mesh->index_count, 0, 0, 0, 0};
         if (i != SPHERE)
             write_mesh(f, i, mesh, &info, 1);
     }
@@ -181,8 +181,13 @@ static UNUSED void write_meshes(const fixture *f)
     hw_mesh_level_info infos[SPHERE_LODS];
     for (uint32_t i = 0; i < SPHERE_LODS; i++) {
         levels[i] = model_sphere(64 >> i, 32 >> i);
-        infos[i] = (hw_mesh_level_info){levels[i].vertex_count, levels[i].index_count, i * 0.01f,
-                                        i * 0.02f, 0};
+        // Errors are 0.02 i: that of level 1 is in its surface, that of level 2 in its shading.
+        infos[i] =
+            (hw_mesh_level_info){.vertex_count = levels[i].vertex_count,
+                                 .index_count = levels[i].index_count,
+                                 .error_rms = i ? 0.01f : 0,
+                                 .error_p99 = i ? 0.02f : 0,
+                                 .error_shading = i > 1 ? 0.02f * i / HW_MESH_SHADING_WEIGHT : 0};
     }
     write_mesh(f, SPHERE, levels, infos, SPHERE_LODS);
     for (uint32_t i = 0; i < SPHERE_LODS; i++)
