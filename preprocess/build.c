@@ -216,8 +216,9 @@ static uint32_t thread_count(const build *b)
 // ---- chains and meshes -----------------------------------------------------------------------
 
 // About what making a chain needs at its peak, per triangle: measured, on the safe side.
-#define CHAIN_BYTES 700u
-#define MESH_BYTES  400u // likewise, writing a near mesh
+#define CHAIN_BYTES  700u
+#define MESH_BYTES   400u                // likewise, writing a near mesh
+#define INSIDE_BYTES (UINT64_C(2) << 20) // and looking into a level of it
 
 // Numbers from 0 by rising key; equal keys in the order of the numbers.
 typedef struct keyed {
@@ -337,7 +338,7 @@ static hw_status write_mesh(void *context, uint64_t mesh, uint32_t thread)
         near.infos[near.count++] = chain->infos[l];
     }
     HW_GO(hw_mesh_path(&path, b->options->dataset, mesh_idx));
-    uint64_t bytes = (uint64_t)chain->infos[0].index_count / 3 * MESH_BYTES;
+    uint64_t bytes = (uint64_t)chain->infos[0].index_count / 3 * MESH_BYTES + INSIDE_BYTES;
     HW_GO(hw_budget_reserve(b->budget, bytes));
     if (!mesh_file_is_current(path, b->key, near.count)) {
         status = hw_parallel_for(near.count, thread_count(b), look_inside, &near, NULL);
