@@ -25,8 +25,8 @@ typedef struct hw_mesh_level_info {
 } hw_mesh_level_info;
 
 // What levels to be drawn are chosen by: the larger of surface error (of 99 in 100 points) and
-// weighted shading error, mesh units. The weight is measured: from 4 on the worst pictures get
-// better, from 15 on a decibel costs as many triangles as one that a smaller bound buys.
+// weighted shading error, mesh units. The weight is measured (preprocess/README.md): up to 15 a
+// decibel costs few triangles, beyond that many.
 #define HW_MESH_SHADING_WEIGHT 15.0f
 float hw_mesh_level_error(const hw_mesh_level_info *info);
 
