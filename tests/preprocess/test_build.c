@@ -136,8 +136,10 @@ static void near_meshes_are_filled(void **state)
             hw_inner_boxes boxes;
             assert_int_equal(hw_mesh_file_read(file, l, &mesh, &boxes), HW_OK);
             assert_true(boxes.count > 0);
+            // Levels keep the volume, so that coarse ones reach beyond the sphere.
+            float reach = 6 + 2 * hw_mesh_file_level(file, l)->error_p99;
             for (uint32_t k = 0; k < 8 * boxes.count; k++)
-                assert_true(hw_v3_length(hw_box_corner(boxes.boxes[k / 8], k % 8)) < 6);
+                assert_true(hw_v3_length(hw_box_corner(boxes.boxes[k / 8], k % 8)) < reach);
             assert_true(hw_box_diagonal(boxes.boxes[0]) > 6); // of a cube in the sphere: 12
             hw_mesh_free(&mesh);
         }
