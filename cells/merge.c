@@ -209,7 +209,7 @@ static hw_status check_mesh(const char *path, uint64_t key)
         hw_mesh_file_key(file) == key ? HW_OK : hw_fail(HW_FORMAT, "%s: is of another build", path);
     for (uint32_t l = 0; status == HW_OK && l < hw_mesh_file_level_count(file); l++) {
         hw_mesh level = {0};
-        status = hw_mesh_file_read(file, l, &level);
+        status = hw_mesh_file_read(file, l, &level, NULL);
         hw_mesh_free(&level);
     }
     hw_mesh_file_close(file);

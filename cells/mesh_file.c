@@ -1,6 +1,7 @@
 #include "mesh_file.h"
 #include "mesh_level.h"
 #include <assert.h>
+#include <math.h>
 #include <stdio.h>
 
 #define TAG_TABLE HW_FOURCC('L', 'E', 'V', 'S')
@@ -14,11 +15,14 @@ struct hw_mesh_file {
 };
 
 static hw_status validate_levels(const char *path, const hw_mesh *levels,
-                                 const hw_mesh_level_info *infos, uint32_t count)
+                                 const hw_mesh_level_info *infos, const hw_inner_boxes *boxes,
+                                 uint32_t count)
 {
     HW_TRY(hw_mesh_table_validate(path, infos, count));
     for (uint32_t i = 0; i < count; i++) {
         hw_status status = hw_mesh_validate(&levels[i]);
+        if (status == HW_OK && boxes)
+            status = hw_mesh_boxes_validate(&levels[i], &boxes[i]);
         if (status != HW_OK)
             return hw_fail_prefix(status, path);
         if (levels[i].vertex_count != infos[i].vertex_count ||
@@ -29,17 +33,19 @@ static hw_status validate_levels(const char *path, const hw_mesh *levels,
 }
 
 hw_status hw_mesh_file_write(const char *path, uint64_t key, const hw_mesh *levels,
-                             const hw_mesh_level_info *infos, uint32_t count)
+                             const hw_mesh_level_info *infos, const hw_inner_boxes *boxes,
+                             uint32_t count)
 {
     hw_status status = HW_OK;
     uint8_t *bytes[HW_MESH_LEVELS_MAX + 1] = {NULL};
     hw_chunk chunks[HW_MESH_LEVELS_MAX + 1];
-    HW_TRY(validate_levels(path, levels, infos, count));
+    HW_TRY(validate_levels(path, levels, infos, boxes, count));
     chunks[0] = (hw_chunk){TAG_TABLE, 0, NULL, 0};
     HW_GO(hw_mesh_table_encode(infos, count, &bytes[0], &chunks[0].size));
     for (uint32_t i = 1; i <= count; i++) {
         chunks[i] = (hw_chunk){TAG_LEVEL, i - 1, NULL, 0};
-        HW_GO(hw_mesh_level_encode(&levels[i - 1], &bytes[i], &chunks[i].size));
+        const hw_inner_boxes *inside = boxes ? &boxes[i - 1] : NULL;
+        HW_GO(hw_mesh_level_encode(&levels[i - 1], inside, &bytes[i], &chunks[i].size));
     }
     for (uint32_t i = 0; i <= count; i++)
         chunks[i].data = bytes[i];
@@ -107,6 +113,11 @@ hw_status hw_mesh_file_open_front(hw_mesh_file **out, const char *name, const vo
     return HW_OK;
 }
 
+float hw_mesh_level_error(const hw_mesh_level_info *info)
+{
+    return fmaxf(info->error_p99, HW_MESH_SHADING_WEIGHT * info->error_shading);
+}
+
 void hw_mesh_file_close(hw_mesh_file *file)
 {
     if (!file)
@@ -132,14 +143,18 @@ const hw_mesh_level_info *hw_mesh_file_level(const hw_mesh_file *file, uint32_t 
     return &file->levels[level];
 }
 
-hw_status hw_mesh_file_read(const hw_mesh_file *file, uint32_t level, hw_mesh *out)
+hw_status hw_mesh_file_read(const hw_mesh_file *file, uint32_t level, hw_mesh *out,
+                            hw_inner_boxes *boxes)
 {
     assert(level < file->level_count);
     uint8_t *bytes = NULL;
     size_t size = 0;
     *out = (hw_mesh){0};
+    if (boxes)
+        *boxes = (hw_inner_boxes){0};
     HW_TRY(hw_container_chunk(file->container, TAG_LEVEL, level, &bytes, &size));
-    hw_status status = hw_mesh_level_decode(file->path, &file->levels[level], bytes, size, out);
+    hw_status status =
+        hw_mesh_level_decode(file->path, &file->levels[level], bytes, size, out, boxes);
     hw_free(bytes);
     return status;
 }
@@ -154,14 +169,17 @@ void hw_mesh_file_level_place(const hw_mesh_file *file, uint32_t level, uint64_t
 }
 
 hw_status hw_mesh_file_decode(const hw_mesh_file *file, uint32_t level, const void *bytes,
-                              size_t size, hw_mesh *out)
+                              size_t size, hw_mesh *out, hw_inner_boxes *boxes)
 {
     assert(level < file->level_count);
     uint8_t *raw = NULL;
     size_t raw_size = 0;
     *out = (hw_mesh){0};
+    if (boxes)
+        *boxes = (hw_inner_boxes){0};
     HW_TRY(hw_container_unpack(file->container, TAG_LEVEL, level, bytes, size, &raw, &raw_size));
-    hw_status status = hw_mesh_level_decode(file->path, &file->levels[level], raw, raw_size, out);
+    hw_status status =
+        hw_mesh_level_decode(file->path, &file->levels[level], raw, raw_size, out, boxes);
     hw_free(raw);
     return status;
 }

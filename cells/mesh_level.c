@@ -2,7 +2,7 @@
 #include "geometry_codec.h"
 
 #define TABLE_HEADER_BYTES 8u
-#define TABLE_ENTRY_BYTES  20u
+#define TABLE_ENTRY_BYTES  24u
 
 // Streams of a level, in the order of the chunk.
 enum { POSITIONS, NORMALS, COLORS, UVS, INDICES, STREAM_COUNT };
@@ -68,7 +68,24 @@ static hw_status encode_streams(const hw_mesh *mesh, uint8_t *bytes[STREAM_COUNT
     return hw_indices_encode(mesh->indices, mesh->index_count, n, &bytes[INDICES], &size[INDICES]);
 }
 
-hw_status hw_mesh_level_encode(const hw_mesh *mesh, uint8_t **bytes, size_t *size)
+static void put_box(hw_bytes_writer *w, const hw_box *box)
+{
+    const hw_vec3 *corners[2] = {&box->min, &box->max};
+    for (int i = 0; i < 2; i++) {
+        hw_put_f32(w, corners[i]->x);
+        hw_put_f32(w, corners[i]->y);
+        hw_put_f32(w, corners[i]->z);
+    }
+}
+
+static hw_vec3 get_corner(hw_bytes_reader *r)
+{
+    float x = hw_get_f32(r), y = hw_get_f32(r), z = hw_get_f32(r);
+    return hw_v3(x, y, z);
+}
+
+hw_status hw_mesh_level_encode(const hw_mesh *mesh, const hw_inner_boxes *boxes, uint8_t **bytes,
+                               size_t *size)
 {
     hw_status status = HW_OK;
     hw_bytes_writer w = {0};
@@ -79,8 +96,12 @@ hw_status hw_mesh_level_encode(const hw_mesh *mesh, uint8_t **bytes, size_t *siz
     HW_GO(encode_streams(mesh, streams, sizes));
     hw_put_u32(&w, (mesh->normals ? HAS_NORMALS : 0) | (mesh->colors ? HAS_COLORS : 0) |
                        (mesh->uvs ? HAS_UVS : 0));
+    uint32_t box_count = boxes ? boxes->count : 0;
+    hw_put_u32(&w, box_count);
     for (int i = 0; i < STREAM_COUNT; i++)
         hw_put_u64(&w, sizes[i]);
+    for (uint32_t i = 0; i < box_count; i++)
+        put_box(&w, &boxes->boxes[i]);
     for (int i = 0; i < STREAM_COUNT; i++)
         if (sizes[i])
             hw_put_bytes(&w, streams[i], sizes[i]);
@@ -128,16 +149,25 @@ static hw_status decode_streams(const uint8_t *const bytes[STREAM_COUNT],
 }
 
 // The streams' places within the chunk; they fill it.
-static hw_status find_streams(hw_bytes_reader *r, uint32_t *flags,
+static hw_status find_streams(hw_bytes_reader *r, uint32_t *flags, hw_inner_boxes *boxes,
                               const uint8_t *bytes[STREAM_COUNT], size_t size[STREAM_COUNT])
 {
     static const uint32_t stream_flags[STREAM_COUNT] = {0, HAS_NORMALS, HAS_COLORS, HAS_UVS, 0};
     *flags = hw_get_u32(r);
+    uint32_t box_count = hw_get_u32(r);
     bool fine = *flags <= (HAS_NORMALS | HAS_COLORS | HAS_UVS);
+    if (box_count > HW_INNER_BOXES_MAX)
+        return hw_fail(HW_FORMAT, "%u boxes inside a level, at most %u are possible", box_count,
+                       HW_INNER_BOXES_MAX);
     for (int i = 0; i < STREAM_COUNT; i++) {
         size[i] = (size_t)hw_get_u64(r);
         fine = fine && (size[i] == 0 || !stream_flags[i] || (*flags & stream_flags[i]));
     }
+    for (uint32_t i = 0; i < box_count; i++) {
+        boxes->boxes[i].min = get_corner(r);
+        boxes->boxes[i].max = get_corner(r);
+    }
+    boxes->count = box_count;
     for (int i = 0; i < STREAM_COUNT; i++)
         bytes[i] = hw_get_span(r, size[i]);
     if (!fine || r->failed || hw_bytes_left(r) > 0)
@@ -145,18 +175,48 @@ static hw_status find_streams(hw_bytes_reader *r, uint32_t *flags,
     return HW_OK;
 }
 
+static bool is_within(float low, float high, float least, float greatest)
+{
+    return low >= least && low <= high && high <= greatest; // false for NaN
+}
+
+hw_status hw_mesh_boxes_validate(const hw_mesh *mesh, const hw_inner_boxes *boxes)
+{
+    if (boxes->count > HW_INNER_BOXES_MAX)
+        return hw_fail(HW_FORMAT, "%u boxes inside a level, at most %u are possible", boxes->count,
+                       HW_INNER_BOXES_MAX);
+    if (boxes->count == 0)
+        return HW_OK;
+    hw_box all = hw_mesh_bounds(mesh); // finite, as positions are
+    for (uint32_t i = 0; i < boxes->count; i++) {
+        const hw_box *b = &boxes->boxes[i];
+        if (!is_within(b->min.x, b->max.x, all.min.x, all.max.x) ||
+            !is_within(b->min.y, b->max.y, all.min.y, all.max.y) ||
+            !is_within(b->min.z, b->max.z, all.min.z, all.max.z))
+            return hw_fail(HW_FORMAT, "box %u is not inside its level", i);
+    }
+    return HW_OK;
+}
+
 hw_status hw_mesh_level_decode(const char *name, const hw_mesh_level_info *info,
-                               const uint8_t *bytes, size_t size, hw_mesh *out)
+                               const uint8_t *bytes, size_t size, hw_mesh *out,
+                               hw_inner_boxes *boxes)
 {
     hw_status status = HW_OK;
     const uint8_t *streams[STREAM_COUNT];
     size_t sizes[STREAM_COUNT];
     uint32_t flags;
+    hw_inner_boxes inside = {0};
     hw_bytes_reader r = hw_bytes_reader_make(bytes, size);
     *out = (hw_mesh){.vertex_count = info->vertex_count, .index_count = info->index_count};
-    HW_GO(find_streams(&r, &flags, streams, sizes));
+    if (boxes)
+        *boxes = (hw_inner_boxes){0};
+    HW_GO(find_streams(&r, &flags, &inside, streams, sizes));
     HW_GO(decode_streams(streams, sizes, flags, out));
     HW_GO(hw_mesh_validate(out));
+    HW_GO(hw_mesh_boxes_validate(out, &inside));
+    if (boxes)
+        *boxes = inside;
     return HW_OK;
 out:
     hw_mesh_free(out);
@@ -182,9 +242,12 @@ hw_status hw_mesh_table_validate(const char *name, const hw_mesh_level_info *inf
         if (!error_is_fine(l->error_rms, i ? l[-1].error_rms : 0) ||
             !error_is_fine(l->error_p99, i ? l[-1].error_p99 : 0) ||
             !error_is_fine(l->error_silhouette, 0) ||
-            (i == 0 && (l->error_rms > 0 || l->error_p99 > 0 || l->error_silhouette > 0)))
-            return hw_fail(HW_FORMAT, "%s: level %u: errors %g, %g, %g", name, i,
-                           (double)l->error_rms, (double)l->error_p99, (double)l->error_silhouette);
+            !error_is_fine(l->error_shading, i ? l[-1].error_shading : 0) ||
+            (i == 0 && (l->error_rms > 0 || l->error_p99 > 0 || l->error_silhouette > 0 ||
+                        l->error_shading > 0)))
+            return hw_fail(HW_FORMAT, "%s: level %u: errors %g, %g, %g, %g", name, i,
+                           (double)l->error_rms, (double)l->error_p99, (double)l->error_silhouette,
+                           (double)l->error_shading);
     }
     return HW_OK;
 }
@@ -203,6 +266,7 @@ hw_status hw_mesh_table_encode(const hw_mesh_level_info *infos, uint32_t count, 
         hw_put_f32(&w, infos[i].error_rms);
         hw_put_f32(&w, infos[i].error_p99);
         hw_put_f32(&w, infos[i].error_silhouette);
+        hw_put_f32(&w, infos[i].error_shading);
     }
     hw_status status = hw_bytes_writer_check(&w);
     if (status != HW_OK) {
@@ -234,6 +298,7 @@ hw_status hw_mesh_table_decode(const char *name, const uint8_t *bytes, size_t si
         infos[i].error_rms = hw_get_f32(&r);
         infos[i].error_p99 = hw_get_f32(&r);
         infos[i].error_silhouette = hw_get_f32(&r);
+        infos[i].error_shading = hw_get_f32(&r);
     }
     return hw_mesh_table_validate(name, infos, *count);
 }

@@ -3,12 +3,17 @@
 #pragma once
 #include "mesh_file.h"
 
-// mesh must be valid. *bytes freed with hw_free.
-HW_MUST_USE hw_status hw_mesh_level_encode(const hw_mesh *mesh, uint8_t **bytes, size_t *size);
-// Checks everything, also that the mesh is as large as `info` says. `name` is for messages. On
-// failure *out is zeroed.
+// mesh and boxes (NULL: none) must be valid. *bytes freed with hw_free.
+HW_MUST_USE hw_status hw_mesh_level_encode(const hw_mesh *mesh, const hw_inner_boxes *boxes,
+                                           uint8_t **bytes, size_t *size);
+// Checks everything, also that the mesh is as large as `info` says. `name` is for messages. boxes
+// may be NULL: not wanted. On failure *out and *boxes are zeroed.
 HW_MUST_USE hw_status hw_mesh_level_decode(const char *name, const hw_mesh_level_info *info,
-                                           const uint8_t *bytes, size_t size, hw_mesh *out);
+                                           const uint8_t *bytes, size_t size, hw_mesh *out,
+                                           hw_inner_boxes *boxes);
+// HW_FORMAT unless there are at most HW_INNER_BOXES_MAX, each with finite corners, min <= max, and
+// within the mesh's bounds.
+HW_MUST_USE hw_status hw_mesh_boxes_validate(const hw_mesh *mesh, const hw_inner_boxes *boxes);
 
 HW_MUST_USE hw_status hw_mesh_table_encode(const hw_mesh_level_info *infos, uint32_t count,
                                            uint8_t **bytes, size_t *size);

@@ -216,8 +216,9 @@ static uint32_t thread_count(const build *b)
 // ---- chains and meshes -----------------------------------------------------------------------
 
 // About what making a chain needs at its peak, per triangle: measured, on the safe side.
-#define CHAIN_BYTES 700u
-#define MESH_BYTES  400u // likewise, writing a near mesh
+#define CHAIN_BYTES  700u
+#define MESH_BYTES   400u                // likewise, writing a near mesh
+#define INSIDE_BYTES (UINT64_C(2) << 20) // and looking into a level of it
 
 // Numbers from 0 by rising key; equal keys in the order of the numbers.
 typedef struct keyed {
@@ -291,14 +292,35 @@ static bool mesh_file_is_current(const char *path, uint64_t key, uint32_t level_
                    hw_mesh_file_level_count(file) == level_count;
     for (uint32_t l = 0; current && l < level_count; l++) {
         hw_mesh level = {0};
-        current = hw_mesh_file_read(file, l, &level) == HW_OK;
+        current = hw_mesh_file_read(file, l, &level, NULL) == HW_OK;
         hw_mesh_free(&level);
     }
     hw_mesh_file_close(file);
     return current;
 }
 
-// The levels that near objects are drawn with.
+// The levels of a mesh that near objects are drawn with.
+typedef struct near_mesh {
+    uint32_t count;
+    hw_mesh levels[HW_MESH_LEVELS_MAX]; // borrowed
+    hw_mesh_level_info infos[HW_MESH_LEVELS_MAX];
+    hw_inner_boxes boxes[HW_MESH_LEVELS_MAX];
+} near_mesh;
+
+// Of a level as it is drawn, so that what its boxes hide is hidden by it too.
+static hw_status look_inside(void *context, uint64_t level, uint32_t thread)
+{
+    (void)thread;
+    near_mesh *m = context;
+    bool solid;
+    HW_TRY(hw_mesh_is_solid(&m->levels[level], &solid));
+    if (!solid)
+        return HW_OK;
+    HW_TRY(hw_inner_boxes_find(&m->levels[level], &m->boxes[level]));
+    hw_inner_boxes_fit(&m->levels[level], &m->boxes[level]);
+    return HW_OK;
+}
+
 static hw_status write_mesh(void *context, uint64_t mesh, uint32_t thread)
 {
     (void)thread;
@@ -309,18 +331,21 @@ static hw_status write_mesh(void *context, uint64_t mesh, uint32_t thread)
     if (!owns(b, mesh_idx))
         return HW_OK;
     const hw_chain *chain = &b->chains[mesh_idx];
-    hw_mesh levels[HW_MESH_LEVELS_MAX];
-    hw_mesh_level_info infos[HW_MESH_LEVELS_MAX];
-    uint32_t count = 0, chain_count = chain->levels[0].uvs ? 1 : chain->level_count;
+    near_mesh near = {0};
+    uint32_t chain_count = chain->levels[0].uvs ? 1 : chain->level_count;
     for (uint32_t l = 0; l < chain_count; l += HW_NEAR_LEVEL_STRIDE) {
-        levels[count] = chain->levels[l]; // borrowed
-        infos[count++] = chain->infos[l];
+        near.levels[near.count] = chain->levels[l];
+        near.infos[near.count++] = chain->infos[l];
     }
     HW_GO(hw_mesh_path(&path, b->options->dataset, mesh_idx));
-    uint64_t bytes = (uint64_t)chain->infos[0].index_count / 3 * MESH_BYTES;
+    uint64_t bytes = (uint64_t)chain->infos[0].index_count / 3 * MESH_BYTES + INSIDE_BYTES;
     HW_GO(hw_budget_reserve(b->budget, bytes));
-    if (!mesh_file_is_current(path, b->key, count))
-        status = hw_mesh_file_write(path, b->key, levels, infos, count);
+    if (!mesh_file_is_current(path, b->key, near.count)) {
+        status = hw_parallel_for(near.count, thread_count(b), look_inside, &near, NULL);
+        if (status == HW_OK)
+            status =
+                hw_mesh_file_write(path, b->key, near.levels, near.infos, near.boxes, near.count);
+    }
     hw_budget_release(b->budget, bytes);
 out:
     hw_free(path);

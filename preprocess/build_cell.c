@@ -44,8 +44,12 @@ uint32_t hw_near_level(const hw_chain *chain, double scale, double distance, dou
 {
     if (chain->levels[0].uvs || !(distance > 0))
         return 0;
-    return hw_chain_level_by_error(chain, error_px * distance / (focal_px * scale)) /
-           HW_NEAR_LEVEL_STRIDE;
+    double bound = error_px * distance / (focal_px * scale);
+    uint32_t l = 0, step = HW_NEAR_LEVEL_STRIDE;
+    while (l + step < chain->level_count &&
+           (double)hw_mesh_level_error(&chain->infos[l + step]) <= bound)
+        l += step;
+    return l / step;
 }
 
 // The largest stretch of the transform's axes.

@@ -27,8 +27,8 @@ typedef struct hw_cell_inputs {
     hw_budget *budget;     // NULL: no bound of memory
 } hw_cell_inputs;
 
-// Level of the mesh file to draw a near object with at a distance: the coarsest one whose surface
-// error (99th percentile) is at most error_px; mesh files hold every HW_NEAR_LEVEL_STRIDE-th level
+// Level of the mesh file to draw a near object with at a distance: the coarsest one whose error
+// (hw_mesh_level_error) is at most error_px; mesh files hold every HW_NEAR_LEVEL_STRIDE-th level
 // of the chain. Textured meshes have level 0 only.
 #define HW_NEAR_LEVEL_STRIDE 2u
 uint32_t hw_near_level(const hw_chain *chain, double scale, double distance, double focal_px,

@@ -37,6 +37,22 @@ void hw_chain_free(hw_chain *chain)
     memset(chain, 0, sizeof *chain);
 }
 
+static bool is_drawn(const maker *m, uint32_t level)
+{
+    return m->options.shade_step && level % m->options.shade_step == 0;
+}
+
+// Of a picture's squared error, shading that is off by s gives area * s^2, and an outline that is
+// off by d gives its length * d * contrast^2. So s is as bad as an outline at full contrast that is
+// off by s^2 times area / length; what a convex body shows from all sides is on average a quarter
+// of its surface (Cauchy).
+static float shading_as_length(const maker *m, float shading)
+{
+    double length = (double)hw_outline_length(m->outline);
+    double area = hw_mesh_area(m->original) / 4;
+    return length > 0 ? (float)(area / length * (double)shading * (double)shading) : 0;
+}
+
 // Pulls vertices back, takes shading over, and measures.
 static hw_status finish_level(void *context, uint64_t index, uint32_t thread)
 {
@@ -47,14 +63,18 @@ static hw_status finish_level(void *context, uint64_t index, uint32_t thread)
     hw_mesh_level_info *info = &m->chain->infos[l];
     HW_TRY(hw_pull_back(level, m->original, m->rays, m->options.pull_back, 1));
     HW_TRY(hw_mesh_compute_normals(level));
-    if (m->options.shade_step && l % m->options.shade_step == 0)
+    if (is_drawn(m, l))
         HW_TRY(hw_fit_shading(level, m->original, m->rays));
     hw_deviation surface;
     float outline;
     HW_TRY(hw_surface_deviation(m->rays, m->original, level, DEVIATION_SAMPLES, l, &surface));
     HW_TRY(hw_outline_deviation(m->outline, level, &outline));
-    *info = (hw_mesh_level_info){level->vertex_count, level->index_count, surface.rms, surface.p99,
-                                 outline};
+    *info = (hw_mesh_level_info){level->vertex_count,
+                                 level->index_count,
+                                 surface.rms,
+                                 surface.p99,
+                                 outline,
+                                 is_drawn(m, l) ? shading_as_length(m, surface.shading) : 0};
     return HW_OK;
 }
 
@@ -93,6 +113,7 @@ static void make_errors_monotone(hw_chain *chain)
         info->error_rms = fmaxf(info->error_rms, finer->error_rms);
         info->error_p99 = fmaxf(info->error_p99, finer->error_p99);
         info->error_silhouette = fmaxf(info->error_silhouette, finer->error_silhouette);
+        info->error_shading = fmaxf(info->error_shading, finer->error_shading);
     }
 }
 

@@ -1,5 +1,6 @@
 #include "deviation.h"
 #include "alloc.h"
+#include "appearance.h"
 #include "surface_sampler.h"
 #include <stdlib.h>
 #include <string.h>
@@ -9,12 +10,15 @@
 #define DEFAULT_RESOLUTION 1024
 #define MAX_RESOLUTION     8192
 #define MARGIN             (1.0 / 16) // of the raster, on each side
+#define LIGHTS             8
 
 // --- surfaces ----------------------------------------------------------------------------------
 
 typedef struct side {
     double sum, sum_squares, max;
     uint64_t count;
+    double shading_squares; // of shaded points
+    uint64_t shaded_count;
     float *distances; // of the sample points
 } side;
 
@@ -41,9 +45,76 @@ static void add_sample(side *s, double d)
     s->distances[s->count++] = (float)d;
 }
 
-// Points of `from` against the mesh of `rays`.
-static hw_status measure_side(const hw_mesh *from, const hw_rays *rays, uint32_t samples,
-                              uint32_t seed, side *out)
+// What a mesh shows at a point of its surface.
+typedef struct shade {
+    float values[LIGHTS];
+    hw_vec3 normal;
+} shade;
+
+static float luma(const hw_mesh *mesh, uint32_t vertex)
+{
+    if (!mesh->colors)
+        return 1;
+    hw_color8 c = mesh->colors[vertex];
+    return (0.299f * (float)c.r + 0.587f * (float)c.g + 0.114f * (float)c.b) / 255;
+}
+
+// The light comes from one side always; but objects stand turned.
+static hw_vec3 turned(hw_vec3 n, int light)
+{
+    float angle = (float)light * (2 * (float)HW_PI / LIGHTS), c = cosf(angle), s = sinf(angle);
+    return hw_v3(c * n.x - s * n.y, s * n.x + c * n.y, n.z);
+}
+
+static void shade_at(const hw_mesh *mesh, uint32_t triangle, const float w[3], shade *out)
+{
+    memset(out, 0, sizeof *out);
+    for (int i = 0; i < 3; i++) {
+        uint32_t v = mesh->indices[3 * (size_t)triangle + (size_t)i];
+        float weight = w[i] * luma(mesh, v);
+        out->normal = hw_v3_mad(out->normal, mesh->normals[v], w[i]);
+        for (int k = 0; k < LIGHTS; k++)
+            out->values[k] += weight * hw_light(turned(mesh->normals[v], k));
+    }
+}
+
+// Barycentric coordinates of a point of a triangle that has an area.
+static void locate(const hw_mesh *mesh, uint32_t triangle, hw_vec3 point, float w[3])
+{
+    const uint32_t *t = mesh->indices + 3 * (size_t)triangle;
+    hw_vec3 to[3];
+    float area[3], sum = 0;
+    for (int i = 0; i < 3; i++)
+        to[i] = hw_v3_sub(mesh->positions[t[i]], point);
+    for (int i = 0; i < 3; i++)
+        sum += area[i] = hw_v3_length(hw_v3_cross(to[(i + 1) % 3], to[(i + 2) % 3]));
+    for (int i = 0; i < 3; i++)
+        w[i] = sum > 0 ? area[i] / sum : 1.0f / 3;
+}
+
+static void add_shading(side *s, const hw_mesh *from, uint32_t triangle, hw_vec3 point,
+                        const hw_mesh *to, const hw_closest *at)
+{
+    const float w_to[3] = {1 - at->u - at->v, at->u, at->v};
+    float w_from[3];
+    shade a, b;
+    if (!from->normals || !to->normals || !(at->distance < INFINITY))
+        return;
+    locate(from, triangle, point, w_from);
+    shade_at(from, triangle, w_from, &a);
+    shade_at(to, at->triangle_idx, w_to, &b);
+    if (!(hw_v3_dot(a.normal, b.normal) > 0))
+        return;
+    for (int k = 0; k < LIGHTS; k++) {
+        double d = (double)(a.values[k] - b.values[k]);
+        s->shading_squares += d * d / LIGHTS;
+    }
+    s->shaded_count++;
+}
+
+// Points of `from` against `to`, the mesh of `rays`.
+static hw_status measure_side(const hw_mesh *from, const hw_mesh *to, const hw_rays *rays,
+                              uint32_t samples, uint32_t seed, side *out)
 {
     HW_TRY(HW_NEW(&out->distances, (size_t)samples + from->index_count));
     hw_surface_sampler sampler;
@@ -51,8 +122,11 @@ static hw_status measure_side(const hw_mesh *from, const hw_rays *rays, uint32_t
     double area = sampler.area;
     hw_surface_walk walk = hw_surface_walk_start(&sampler, samples, hw_rng_make(seed, 1));
     hw_vec3 point;
-    while (hw_surface_walk_next(&walk, &point))
-        add_sample(out, (double)hw_rays_closest(rays, point, INFINITY).distance);
+    while (hw_surface_walk_next(&walk, &point)) {
+        hw_closest at = hw_rays_closest(rays, point, INFINITY);
+        add_sample(out, (double)at.distance);
+        add_shading(out, from, walk.triangle, point, to, &at);
+    }
     hw_surface_sampler_free(&sampler);
     uint32_t step = from->index_count / samples + 1; // corners, so only vertices in use
     for (uint32_t i = 0; i < from->index_count; i += step) {
@@ -81,14 +155,16 @@ hw_status hw_surface_deviation(const hw_rays *original_rays, const hw_mesh *orig
     if (samples == 0)
         samples = DEFAULT_SAMPLES;
     HW_GO(hw_rays_create_mesh(&level_rays, level));
-    HW_GO(measure_side(level, original_rays, samples, seed, &sides[0]));
-    HW_GO(measure_side(original, level_rays, samples, seed + 1, &sides[1]));
+    HW_GO(measure_side(level, original, original_rays, samples, seed, &sides[0]));
+    HW_GO(measure_side(original, level, level_rays, samples, seed + 1, &sides[1]));
     for (int i = 0; i < 2; i++) {
         double n = (double)sides[i].count;
         out->rms = fmaxf(out->rms, (float)sqrt(sides[i].sum_squares / n));
         out->mean = fmaxf(out->mean, (float)(sides[i].sum / n));
         out->max = fmaxf(out->max, (float)sides[i].max);
         out->p99 = fmaxf(out->p99, percentile_99(&sides[i]));
+        double shaded = fmax((double)sides[i].shaded_count, 1);
+        out->shading = fmaxf(out->shading, (float)sqrt(sides[i].shading_squares / shaded));
     }
 out:
     hw_free(sides[0].distances);

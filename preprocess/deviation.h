@@ -5,12 +5,17 @@
 typedef struct hw_deviation {
     float rms, max, mean; // in the mesh's units
     float p99;            // the distance that 99 in 100 points stay within
+    float shading; // RMS difference of what is drawn there, of a white material's 1; see below
 } hw_deviation;
 
 // Two-sided distance between surfaces, as in Metro (Cignoni et al. 1998): `samples` (0: 10000)
 // area-weighted points on each surface to the closest point of the other; the larger of both sides'
 // figures. `max` also takes each side's vertices into account, those of at most `samples` triangle
 // corners, evenly by index. A seed gives the same points everywhere.
+//
+// What is drawn at a point is the mesh's colour (its luma) in the light of appearance.h, from eight
+// sides at that light's height, made at the vertices and interpolated; points whose closest one
+// faces the other way have no say. 0 unless both meshes have normals.
 //
 // `original_rays` is hw_rays_create_mesh(original). Thread-safe for any levels of one original.
 // HW_USAGE if a mesh has no triangle. Meshes without area are sampled by their vertices alone.

@@ -14,15 +14,9 @@ struct hw_sights {
 
 // ---- the scene -------------------------------------------------------------------------------
 
-// What is found out of one mesh.
-typedef struct mesh_inside {
-    hw_box boxes[HW_INNER_BOXES_MAX];
-    uint32_t count;
-} mesh_inside;
-
 typedef struct study {
     hw_sights *sights;
-    mesh_inside *insides; // per mesh
+    hw_inner_boxes *insides; // per mesh
 } study;
 
 static hw_status study_mesh(void *context, uint64_t index, uint32_t thread)
@@ -34,7 +28,7 @@ static hw_status study_mesh(void *context, uint64_t index, uint32_t thread)
     HW_TRY(hw_mesh_is_solid(mesh, solid));
     if (!*solid)
         return HW_OK;
-    return hw_inner_boxes(mesh, s->insides[index].boxes, &s->insides[index].count);
+    return hw_inner_boxes_find(mesh, &s->insides[index]);
 }
 
 static void add_box(hw_mesh *mesh, const hw_mat4 *transform, hw_box box)
@@ -49,7 +43,7 @@ static void add_box(hw_mesh *mesh, const hw_mat4 *transform, hw_box box)
         mesh->positions[mesh->vertex_count++] = hw_mat4_point(transform, hw_box_corner(box, i));
 }
 
-static hw_status make_blocks(hw_sights *o, const mesh_inside *insides)
+static hw_status make_blocks(hw_sights *o, const hw_inner_boxes *insides)
 {
     size_t count = 0;
     for (uint32_t i = 0; i < o->scene->object_count; i++)

@@ -73,7 +73,7 @@ hw_status hw_hybrid_reserve_scratch(hybrid *h, size_t near, size_t far)
     return HW_OK;
 }
 
-static hw_status make_loading(hybrid *h, const hw_streaming *streaming, bool hide)
+static hw_status make_loading(hybrid *h, const hw_streaming *streaming)
 {
     hw_loading loading = streaming->loading;
     h->simulated = loading == HW_LOADING_SIMULATED || loading == HW_LOADING_SIMULATED_WAITS;
@@ -86,8 +86,7 @@ static hw_status make_loading(hybrid *h, const hw_streaming *streaming, bool hid
                                 .gpu_budget = streaming->gpu_budget,
                                 .ram_budget = streaming->ram_budget,
                                 .frame_bytes = streaming->frame_bytes,
-                                .bytes_per_second = streaming->bytes_per_second,
-                                .want_boxes = hide};
+                                .bytes_per_second = streaming->bytes_per_second};
     HW_TRY(hw_store_create(&desc, &h->store));
     if (loading == HW_LOADING_AHEAD || loading == HW_LOADING_SIMULATED)
         HW_TRY(hw_prefetch_create(h->store, &h->manifest, h->stretch, &h->prefetch));
@@ -123,7 +122,7 @@ static hw_status hybrid_create(const hw_renderer_desc *desc, hw_gpu_account *acc
         h->stretch[i] = (float)hw_mat4_stretch(&h->manifest.objects[i].transform);
         bounds = hw_box_union(bounds, h->manifest.objects[i].bounds);
     }
-    HW_GO(make_loading(h, &desc->streaming, desc->hide));
+    HW_GO(make_loading(h, &desc->streaming));
     HW_GO(hw_ground_gl_create(account, &h->manifest.ground, bounds, &h->ground));
     if (desc->hide)
         HW_GO(hw_hiding_create(&h->hiding));

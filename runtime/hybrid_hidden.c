@@ -15,9 +15,9 @@ static const hw_mat4 *transform_of(const hybrid *h, const near_draw *draw)
 
 static void add(hybrid *h, const near_draw *draw)
 {
-    const hw_near_inside *inside = &draw->level->inside;
-    for (uint32_t k = 0; k < inside->box_count; k++)
-        hw_hiding_add(h->hiding, transform_of(h, draw), inside->boxes[k]);
+    const hw_inner_boxes *filled = &draw->level->inside.filled;
+    for (uint32_t k = 0; k < filled->count; k++)
+        hw_hiding_add(h->hiding, transform_of(h, draw), filled->boxes[k]);
 }
 
 static bool is_hidden(const hybrid *h, const near_draw *draw)

@@ -41,7 +41,6 @@ struct hw_loader {
     const hw_manifest *manifest;
     hw_source *source;
     uint64_t ram_budget;
-    bool want_boxes;
     hw_mesh_file **tables; // by mesh; NULL: not opened
     hw_prefetch_queue queue;
     job jobs[JOBS_MAX];
@@ -128,7 +127,7 @@ static hw_status copy_table(const hw_mesh_file *file, uint32_t mesh, hw_mesh_tab
     HW_TRY(HW_NEW(&out->items, count));
     for (uint32_t i = 0; i < count; i++) {
         const hw_mesh_level_info *info = hw_mesh_file_level(file, i);
-        out->errors[i] = info->error_p99;
+        out->errors[i] = hw_mesh_level_error(info);
         out->items[i].key = (hw_data_key){HW_DATA_LEVEL, mesh, i};
         out->triangles[i] = info->index_count / 3;
         out->gpu_bytes[i] = hw_near_level_bytes(info->vertex_count, info->index_count, false);
@@ -142,11 +141,12 @@ static hw_status decode_level(hw_loader *l, hw_data_key key, const char *path,
 {
     const hw_mesh_file *table = l->tables[key.index];
     hw_mesh mesh = {0};
+    hw_inner_boxes boxes;
     // Another level of the file may have been found damaged meanwhile: the table went with it.
     if (!table || key.level >= hw_mesh_file_level_count(table))
         return hw_fail(HW_FORMAT, "%s: has changed", path);
-    HW_TRY(hw_mesh_file_decode(table, key.level, block->data, block->size, &mesh));
-    hw_status status = hw_near_data_make(&mesh, l->want_boxes, out);
+    HW_TRY(hw_mesh_file_decode(table, key.level, block->data, block->size, &mesh, &boxes));
+    hw_status status = hw_near_data_make(&mesh, &boxes, out);
     hw_mesh_free(&mesh);
     return status;
 }
@@ -557,7 +557,6 @@ hw_status hw_loader_create(const hw_loader_desc *desc, hw_loader **out)
     sem_init(&l->wake, 0, 0);
     l->manifest = desc->manifest;
     l->ram_budget = desc->ram_budget;
-    l->want_boxes = desc->want_boxes;
     l->mode = desc->mode;
     HW_GO(HW_NEW(&l->tables, desc->manifest->mesh_count));
     HW_GO(hw_ring_create(&l->wishes, WISHES_MAX, sizeof(hw_wish)));

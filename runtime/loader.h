@@ -34,7 +34,7 @@ typedef struct hw_item {
 // A near mesh's levels, finest first.
 typedef struct hw_mesh_table {
     uint32_t level_count;
-    float *errors;       // surface error, mesh units
+    float *errors;       // hw_mesh_level_error
     uint64_t *gpu_bytes; // without texture coordinates
     uint32_t *triangles;
     hw_item *items; // one for each, away
@@ -65,7 +65,6 @@ typedef struct hw_loader_desc {
     const hw_manifest *manifest; // borrowed
     uint64_t bytes_per_second;   // 0 = no limit
     uint64_t ram_budget;         // bytes of results after which nothing more is begun
-    bool want_boxes;             // inside near levels (near_level.h)
     hw_loader_mode mode;
     uint32_t timeout_ms, wait_ms; // of a web server, 0 = defaults (source.h)
 } hw_loader_desc;

@@ -11,8 +11,6 @@ typedef struct near_vertex {
 } near_vertex;
 _Static_assert(sizeof(near_vertex) == 24, "a near vertex is 24 bytes");
 
-#define INSIDE_TRIANGLES_MAX 15000u // of a level that is looked into: up to 15 ms
-
 static uint64_t vertex_bytes(uint32_t count, bool has_uvs)
 {
     return (uint64_t)count * (sizeof(near_vertex) + (has_uvs ? sizeof(hw_uv) : 0));
@@ -41,21 +39,7 @@ static void pack_vertices(const hw_mesh *mesh, uint8_t *out)
                mesh->vertex_count * sizeof *mesh->uvs);
 }
 
-// Of a level as it is drawn, so that what its boxes hide is hidden by it too.
-static hw_status look_inside(const hw_mesh *mesh, hw_near_inside *out)
-{
-    bool solid;
-    if (mesh->index_count > 3 * INSIDE_TRIANGLES_MAX)
-        return HW_OK;
-    HW_TRY(hw_mesh_is_solid(mesh, &solid));
-    if (!solid)
-        return HW_OK;
-    HW_TRY(hw_inner_boxes(mesh, out->boxes, &out->box_count));
-    hw_inner_boxes_fit(mesh, out->boxes, out->box_count);
-    return HW_OK;
-}
-
-hw_status hw_near_data_make(hw_mesh *mesh, bool want_boxes, hw_near_data *out)
+hw_status hw_near_data_make(hw_mesh *mesh, const hw_inner_boxes *boxes, hw_near_data *out)
 {
     hw_status status = HW_OK;
     *out = (hw_near_data){.vertex_count = mesh->vertex_count,
@@ -66,9 +50,7 @@ hw_status hw_near_data_make(hw_mesh *mesh, bool want_boxes, hw_near_data *out)
         HW_GO(hw_mesh_compute_normals(mesh));
     HW_GO(hw_alloc((void **)&out->vertices, vertex_bytes(out->vertex_count, out->has_uvs), 1));
     HW_GO(hw_alloc((void **)&out->indices, out->index_count, out->index_bytes));
-    out->inside.bounds = hw_mesh_bounds(mesh);
-    if (want_boxes)
-        HW_GO(look_inside(mesh, &out->inside));
+    out->inside = (hw_near_inside){hw_mesh_bounds(mesh), *boxes};
     pack_vertices(mesh, out->vertices);
     hw_gpu_pack_indices(mesh->indices, mesh->index_count, out->index_bytes, out->indices);
 out:

@@ -7,8 +7,7 @@
 // The space that a level takes up, in the mesh's own.
 typedef struct hw_near_inside {
     hw_box bounds;
-    hw_box boxes[HW_INNER_BOXES_MAX]; // wholly inside, if it is closed
-    uint32_t box_count;
+    hw_inner_boxes filled; // wholly inside
 } hw_near_inside;
 
 // As it comes from its file, packed for the GPU. Has nothing to do with GL.
@@ -20,9 +19,10 @@ typedef struct hw_near_data {
     hw_near_inside inside;
 } hw_near_data;
 
-// The mesh may get normals that it lacks. Boxes inside take up to 15 ms and are looked for if they
-// are wanted. On failure *out is zeroed. Any thread.
-HW_MUST_USE hw_status hw_near_data_make(hw_mesh *mesh, bool want_boxes, hw_near_data *out);
+// Of a level and the boxes inside of it. The mesh may get normals that it lacks. On failure *out is
+// zeroed. Any thread.
+HW_MUST_USE hw_status hw_near_data_make(hw_mesh *mesh, const hw_inner_boxes *boxes,
+                                        hw_near_data *out);
 void hw_near_data_free(hw_near_data *data);
 // Bytes of a level in memory, and on the GPU.
 uint64_t hw_near_level_bytes(uint32_t vertex_count, uint32_t index_count, bool has_uvs);

@@ -110,7 +110,7 @@ static hw_status read_level(hw_source *source, uint32_t mesh_idx, double side, h
     hw_free(block.data);
     block = (hw_block){0};
     HW_GO(hw_source_read(source, name, offset, size, &block));
-    HW_GO(hw_mesh_file_decode(file, level, block.data, block.size, out));
+    HW_GO(hw_mesh_file_decode(file, level, block.data, block.size, out, NULL));
 out:
     hw_free(block.data);
     hw_mesh_file_close(file);

@@ -635,7 +635,6 @@ hw_status hw_store_create(const hw_store_desc *desc, hw_store **out)
                                    .manifest = desc->manifest,
                                    .bytes_per_second = desc->bytes_per_second,
                                    .ram_budget = s->ram_budget,
-                                   .want_boxes = desc->want_boxes,
                                    .mode = desc->mode};
     HW_GO(hw_loader_create(&loader, &s->loader));
     *out = s;

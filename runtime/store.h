@@ -20,7 +20,6 @@ typedef struct hw_store_desc {
     hw_loader_mode mode;
     uint64_t gpu_budget, ram_budget, frame_bytes; // 0 = defaults
     uint64_t bytes_per_second;                    // 0 = no limit
-    bool want_boxes;                              // inside near levels (near_level.h)
 } hw_store_desc;
 
 typedef struct hw_store hw_store;
@@ -66,8 +65,7 @@ void hw_store_use_cell(hw_store *store, hw_cell_gpu *cell);
 
 // A near mesh's table; NULL: it is away.
 const hw_mesh_table *hw_store_table(const hw_store *store, uint32_t mesh);
-// Of a mesh whose table is here, the coarsest level whose surface error is at most `error` mesh
-// units.
+// Of a mesh whose table is here, the coarsest level whose error is at most `error` mesh units.
 uint32_t hw_mesh_table_choose(const hw_mesh_table *table, double error);
 // The level if it is ready, else the next coarser or, if there is none, finer one that is; marked
 // as used. NULL: none is.

@@ -1,5 +1,6 @@
 #include "inner_boxes.h"
 #include "alloc.h"
+#include <float.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -277,24 +278,36 @@ static hw_box box_of(const voxels *v, const range *r)
     return (hw_box){hw_v3_mad(v->origin, low, v->size), hw_v3_mad(v->origin, high, v->size)};
 }
 
-hw_status hw_inner_boxes(const hw_mesh *mesh, hw_box boxes[HW_INNER_BOXES_MAX], uint32_t *count)
+// Whether coordinates are much finer than voxels: else a box may come to lie where it is not.
+static bool is_fine(const voxels *v)
+{
+    hw_vec3 o = v->origin;
+    float reach = fmaxf(fabsf(o.x), fmaxf(fabsf(o.y), fabsf(o.z))) + SIDE * v->size;
+    return v->size > 64 * FLT_EPSILON * reach;
+}
+
+hw_status hw_inner_boxes_find(const hw_mesh *mesh, hw_inner_boxes *out)
 {
     hw_status status = HW_OK;
     voxels v = {0};
-    *count = 0;
+    out->count = 0;
     HW_GO(make_voxels(mesh, &v));
+    if (!is_fine(&v))
+        goto out;
     mark_surface(&v, mesh);
     HW_GO(mark_outside(&v));
     double least = SHARE_MIN * v.n[0] * v.n[1] * v.n[2];
-    while (*count < HW_INNER_BOXES_MAX) {
+    while (out->count < HW_INNER_BOXES_MAX) {
         sum_up(&v);
         range r = largest_from_seeds(&v);
         if (volume(&r) < least)
             break;
         take(&v, &r);
-        boxes[(*count)++] = box_of(&v, &r);
+        out->boxes[out->count++] = box_of(&v, &r);
     }
 out:
+    if (status != HW_OK)
+        out->count = 0;
     free_voxels(&v);
     return status;
 }
@@ -380,13 +393,13 @@ static void fit_side(const hw_mesh *mesh, float margin, int axis, bool upper, hw
         *part_of(upper ? &box->max : &box->min, axis) += (upper ? 1 : -1) * (reach - margin);
 }
 
-void hw_inner_boxes_fit(const hw_mesh *mesh, hw_box *boxes, uint32_t count)
+void hw_inner_boxes_fit(const hw_mesh *mesh, hw_inner_boxes *boxes)
 {
     float margin = 1e-4f * hw_box_diagonal(hw_mesh_bounds(mesh));
-    for (uint32_t i = 0; i < count; i++) {
+    for (uint32_t i = 0; i < boxes->count; i++) {
         // Lengthwise first: pieces of a wall are to reach each other.
         int axes[3] = {0, 1, 2};
-        hw_vec3 size = hw_box_size(boxes[i]);
+        hw_vec3 size = hw_box_size(boxes->boxes[i]);
         for (int k = 0; k < 3; k++) {
             int m = k == 2 ? 0 : k; // two of neighbours, then the first again
             if (part(size, axes[m]) < part(size, axes[m + 1])) {
@@ -396,6 +409,6 @@ void hw_inner_boxes_fit(const hw_mesh *mesh, hw_box *boxes, uint32_t count)
             }
         }
         for (int k = 0; k < 6; k++)
-            fit_side(mesh, margin, axes[k / 2], k % 2, &boxes[i]);
+            fit_side(mesh, margin, axes[k / 2], k % 2, &boxes->boxes[i]);
     }
 }

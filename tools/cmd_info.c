@@ -285,8 +285,13 @@ static hw_status describe_mesh(const char *path, cJSON *json)
     add_hex(json, "key", hw_mesh_file_key(file));
     add_integer(json, "levels", count);
     cJSON *rows = cJSON_AddArrayToObject(json, "level_list");
-    for (uint32_t i = 0; i < count; i++) {
+    hw_status status = HW_OK;
+    for (uint32_t i = 0; status == HW_OK && i < count; i++) {
         const hw_mesh_level_info *level = hw_mesh_file_level(file, i);
+        hw_mesh mesh;
+        hw_inner_boxes boxes;
+        status = hw_mesh_file_read(file, i, &mesh, &boxes);
+        hw_mesh_free(&mesh);
         cJSON *row = cJSON_CreateObject();
         cJSON_AddItemToArray(rows, row);
         add_integer(row, "level", i);
@@ -295,9 +300,11 @@ static hw_status describe_mesh(const char *path, cJSON *json)
         hw_json_add_number(row, "error_rms", (double)level->error_rms);
         hw_json_add_number(row, "error_p99", (double)level->error_p99);
         hw_json_add_number(row, "error_silhouette", (double)level->error_silhouette);
+        hw_json_add_number(row, "error_shading", (double)level->error_shading);
+        add_integer(row, "inner_boxes", boxes.count);
     }
     hw_mesh_file_close(file);
-    return HW_OK;
+    return status;
 }
 
 static void add_progressive_sizes(cJSON *json, const hw_progressive_file_info *info)

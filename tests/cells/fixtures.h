@@ -158,14 +158,29 @@ static UNUSED void fixture_mesh(hw_mesh *mesh, uint32_t side, bool full)
     }
 }
 
+// Up to HW_INNER_BOXES_MAX boxes within the mesh's bounds; the first are the bounds and a point.
+static UNUSED void fixture_boxes(hw_inner_boxes *boxes, const hw_mesh *mesh, uint32_t count)
+{
+    hw_box all = hw_mesh_bounds(mesh);
+    *boxes = (hw_inner_boxes){.count = count};
+    for (uint32_t i = 0; i < count; i++) {
+        hw_vec3 size = hw_v3_scale(hw_box_size(all), i == 0 ? 1 : 0.1f * (float)(i - 1));
+        boxes->boxes[i] = (hw_box){all.min, i == 0 ? all.max : hw_v3_add(all.min, size)};
+    }
+}
+
 #define FIXTURE_LEVELS 3
 static UNUSED void fixture_levels(hw_mesh levels[FIXTURE_LEVELS],
                                   hw_mesh_level_info infos[FIXTURE_LEVELS], uint32_t side)
 {
     for (uint32_t i = 0; i < FIXTURE_LEVELS; i++) {
         fixture_mesh(&levels[i], side - i, i < 2);
-        infos[i] = (hw_mesh_level_info){levels[i].vertex_count, levels[i].index_count, 0.5f * i,
-                                        1.5f * i, 0.25f * i};
+        infos[i] = (hw_mesh_level_info){levels[i].vertex_count,
+                                        levels[i].index_count,
+                                        0.5f * i,
+                                        1.5f * i,
+                                        0.25f * i,
+                                        0.125f * i};
     }
 }
 

@@ -23,7 +23,10 @@ static void write_sample(const char *path, uint32_t side)
     hw_mesh levels[FIXTURE_LEVELS];
     hw_mesh_level_info infos[FIXTURE_LEVELS];
     fixture_levels(levels, infos, side);
-    must(hw_mesh_file_write(path, 31, levels, infos, FIXTURE_LEVELS));
+    hw_inner_boxes boxes[FIXTURE_LEVELS];
+    for (uint32_t i = 0; i < FIXTURE_LEVELS; i++)
+        fixture_boxes(&boxes[i], &levels[i], 2 * i);
+    must(hw_mesh_file_write(path, 31, levels, infos, boxes, FIXTURE_LEVELS));
     free_levels(levels);
 }
 
@@ -34,9 +37,12 @@ static hw_status read_all(const char *path)
     hw_status status = HW_OK;
     for (uint32_t i = 0; status == HW_OK && i < hw_mesh_file_level_count(file); i++) {
         hw_mesh mesh;
-        status = hw_mesh_file_read(file, i, &mesh);
-        if (status != HW_OK)
+        hw_inner_boxes boxes = {.count = 9};
+        status = hw_mesh_file_read(file, i, &mesh, &boxes);
+        if (status != HW_OK) {
             assert_null(mesh.positions);
+            assert_int_equal(boxes.count, 0);
+        }
         hw_mesh_free(&mesh);
     }
     hw_mesh_file_close(file);
@@ -48,11 +54,12 @@ static hw_status write_only(const char *path)
     (void)path;
     hw_mesh_file *file = NULL;
     hw_mesh mesh;
+    hw_inner_boxes boxes;
     HW_TRY(hw_mesh_file_open(&file, PATH));
     hw_mesh_level_info info = *hw_mesh_file_level(file, 0);
-    hw_status status = hw_mesh_file_read(file, 0, &mesh);
+    hw_status status = hw_mesh_file_read(file, 0, &mesh, &boxes);
     if (status == HW_OK)
-        status = hw_mesh_file_write("mesh-2.hxm", 1, &mesh, &info, 1);
+        status = hw_mesh_file_write("mesh-2.hxm", 1, &mesh, &info, &boxes, 1);
     hw_mesh_free(&mesh);
     hw_mesh_file_close(file);
     return status;
@@ -92,9 +99,12 @@ static void test_round_trip(void **state)
     for (int s = 0; s < 3; s++) {
         hw_mesh levels[FIXTURE_LEVELS];
         hw_mesh_level_info infos[FIXTURE_LEVELS];
+        hw_inner_boxes boxes[FIXTURE_LEVELS] = {{.count = 0}};
         hw_mesh_file *file = NULL;
         fixture_levels(levels, infos, sides[s]);
-        must(hw_mesh_file_write(PATH, 31, levels, infos, FIXTURE_LEVELS));
+        for (uint32_t i = 0; s > 0 && i < FIXTURE_LEVELS; i++)
+            fixture_boxes(&boxes[i], &levels[i], 2 * i);
+        must(hw_mesh_file_write(PATH, 31, levels, infos, s > 0 ? boxes : NULL, FIXTURE_LEVELS));
         must(hw_mesh_file_open(&file, PATH));
         assert_int_equal(hw_mesh_file_key(file), 31);
         assert_int_equal(hw_mesh_file_level_count(file), FIXTURE_LEVELS);
@@ -102,7 +112,11 @@ static void test_round_trip(void **state)
         for (uint32_t i = FIXTURE_LEVELS; i-- > 0;) {
             hw_mesh mesh;
             assert_memory_equal(hw_mesh_file_level(file, i), &infos[i], sizeof infos[i]);
-            must(hw_mesh_file_read(file, i, &mesh));
+            hw_inner_boxes inside;
+            must(hw_mesh_file_read(file, i, &mesh, &inside));
+            assert_memory_equal(&inside, &boxes[i], sizeof inside);
+            hw_mesh_free(&mesh);
+            must(hw_mesh_file_read(file, i, &mesh, NULL)); // not wanted
             assert_same_mesh(&levels[i], &mesh);
             hw_mesh_free(&mesh);
         }
@@ -118,7 +132,7 @@ static hw_status read_level(void *context, uint64_t index, uint32_t thread)
     const hw_mesh_file *file = context;
     hw_mesh mesh, expected;
     uint32_t level = (uint32_t)(index % FIXTURE_LEVELS);
-    HW_TRY(hw_mesh_file_read(file, level, &mesh));
+    HW_TRY(hw_mesh_file_read(file, level, &mesh, NULL));
     fixture_mesh(&expected, 20 - level, level < 2);
     bool same =
         mesh.vertex_count == expected.vertex_count &&
@@ -209,7 +223,7 @@ static void test_bad_levels(void **state)
     hw_mesh levels[FIXTURE_LEVELS];
     hw_mesh_level_info good[FIXTURE_LEVELS], bad[FIXTURE_LEVELS];
     fixture_levels(levels, good, 5);
-    for (int k = 0; k < 8; k++) {
+    for (int k = 0; k < 11; k++) {
         memcpy(bad, good, sizeof good);
         if (k == 0)
             bad[0].error_rms = 0.1f; // the original has no error
@@ -225,14 +239,21 @@ static void test_bad_levels(void **state)
             bad[1].vertex_count--;
         if (k == 6)
             bad[2].index_count -= 3;
-        uint32_t count = k == 7 ? 0 : FIXTURE_LEVELS;
-        assert_int_equal(hw_mesh_file_write("bad.hxm", 1, levels, bad, count), HW_FORMAT);
+        if (k == 7)
+            bad[0].error_shading = 0.1f;
+        if (k == 8)
+            bad[2].error_shading = 0.1f; // falls
+        if (k == 9)
+            bad[2].error_shading = NAN;
+        uint32_t count = k == 10 ? 0 : FIXTURE_LEVELS;
+        assert_int_equal(hw_mesh_file_write("bad.hxm", 1, levels, bad, NULL, count), HW_FORMAT);
         assert_non_null(strstr(hw_error_text(), "bad.hxm: "));
     }
-    assert_int_equal(hw_mesh_file_write("bad.hxm", 1, levels, good, HW_MESH_LEVELS_MAX + 1),
+    assert_int_equal(hw_mesh_file_write("bad.hxm", 1, levels, good, NULL, HW_MESH_LEVELS_MAX + 1),
                      HW_FORMAT);
     levels[1].positions[3].y = NAN;
-    assert_int_equal(hw_mesh_file_write("bad.hxm", 1, levels, good, FIXTURE_LEVELS), HW_FORMAT);
+    assert_int_equal(hw_mesh_file_write("bad.hxm", 1, levels, good, NULL, FIXTURE_LEVELS),
+                     HW_FORMAT);
     assert_non_null(strstr(hw_error_text(), "bad.hxm: "));
     assert_false(hw_path_exists("bad.hxm"));
     free_levels(levels);
@@ -246,14 +267,17 @@ static void test_hostile_level(void **state)
     uint8_t *bytes = NULL;
     size_t size = 0;
     fixture_mesh(&mesh, 5, true);
-    hw_mesh_level_info info = {mesh.vertex_count, mesh.index_count, 0, 0, 0};
-    must(hw_mesh_level_encode(&mesh, &bytes, &size));
+    hw_mesh_level_info info = {mesh.vertex_count, mesh.index_count, 0, 0, 0, 0};
+    hw_inner_boxes boxes;
+    fixture_boxes(&boxes, &mesh, HW_INNER_BOXES_MAX);
+    must(hw_mesh_level_encode(&mesh, &boxes, &bytes, &size));
     hw_mesh_free(&mesh);
     for (size_t cut = 0; cut < size; cut++) {
         uint8_t *prefix = malloc(cut + !cut);
         assert_non_null(prefix);
         memcpy(prefix, bytes, cut);
-        assert_int_equal(hw_mesh_level_decode("cut", &info, prefix, cut, &mesh), HW_FORMAT);
+        assert_int_equal(hw_mesh_level_decode("cut", &info, prefix, cut, &mesh, &boxes), HW_FORMAT);
+        assert_int_equal(boxes.count, 0);
         assert_non_null(strstr(hw_error_text(), "cut: "));
         free(prefix);
     }
@@ -263,8 +287,10 @@ static void test_hostile_level(void **state)
             uint8_t saved[4];
             memcpy(saved, bytes + at, 4);
             memcpy(bytes + at, &values[v], 4);
-            if (hw_mesh_level_decode("hostile", &info, bytes, size, &mesh) == HW_OK)
+            if (hw_mesh_level_decode("hostile", &info, bytes, size, &mesh, &boxes) == HW_OK) {
                 assert_int_equal(hw_mesh_validate(&mesh), HW_OK);
+                assert_int_equal(hw_mesh_boxes_validate(&mesh, &boxes), HW_OK);
+            }
             hw_mesh_free(&mesh);
             memcpy(bytes + at, saved, 4);
         }
@@ -274,15 +300,66 @@ static void test_hostile_level(void **state)
     for (size_t i = 0; i < sizeof counts / sizeof *counts; i++) {
         info.vertex_count = counts[i][0];
         info.index_count = counts[i][1];
-        assert_int_equal(hw_mesh_level_decode("counts", &info, bytes, size, &mesh), HW_FORMAT);
+        assert_int_equal(hw_mesh_level_decode("counts", &info, bytes, size, &mesh, NULL),
+                         HW_FORMAT);
     }
     hw_free(bytes);
+}
+
+// A level's bytes with these boxes, encoded without a check.
+static hw_status decode_with(const hw_mesh *mesh, const hw_inner_boxes *boxes, uint32_t count)
+{
+    hw_mesh_level_info info = {mesh->vertex_count, mesh->index_count, 0, 0, 0, 0};
+    hw_mesh out;
+    hw_inner_boxes got;
+    uint8_t *bytes = NULL;
+    size_t size = 0;
+    must(hw_mesh_level_encode(mesh, boxes, &bytes, &size));
+    memcpy(bytes + 4, &count, 4);
+    hw_status status = hw_mesh_level_decode("boxes", &info, bytes, size, &out, &got);
+    assert_int_equal(got.count, status == HW_OK ? count : 0);
+    hw_mesh_free(&out);
+    hw_free(bytes);
+    return status;
+}
+
+static void test_hostile_boxes(void **state)
+{
+    (void)state;
+    hw_mesh mesh;
+    hw_inner_boxes good;
+    fixture_mesh(&mesh, 5, true);
+    fixture_boxes(&good, &mesh, HW_INNER_BOXES_MAX);
+    assert_int_equal(decode_with(&mesh, &good, HW_INNER_BOXES_MAX), HW_OK);
+    const uint32_t counts[] = {0, 3, HW_INNER_BOXES_MAX + 1, 255, UINT32_MAX};
+    for (size_t i = 0; i < sizeof counts / sizeof *counts; i++)
+        assert_int_equal(decode_with(&mesh, &good, counts[i]), HW_FORMAT);
+    // Every coordinate, in the file and where it is written.
+    float *numbers = &good.boxes[0].min.x;
+    for (int at = 0; at < 24; at++) {
+        bool upper = at % 6 > 2;
+        const float bad[] = {NAN, INFINITY, -INFINITY, upper ? -1e9f : 1e9f, upper ? 1e9f : -1e9f};
+        float saved = numbers[at];
+        for (int k = 0; k < 5; k++) {
+            const hw_mesh_level_info info = {mesh.vertex_count, mesh.index_count, 0, 0, 0, 0};
+            numbers[at] = bad[k];
+            assert_int_equal(decode_with(&mesh, &good, HW_INNER_BOXES_MAX), HW_FORMAT);
+            assert_non_null(strstr(hw_error_text(), "boxes: "));
+            assert_int_equal(hw_mesh_file_write("bad.hxm", 1, &mesh, &info, &good, 1), HW_FORMAT);
+            assert_non_null(strstr(hw_error_text(), "bad.hxm: "));
+        }
+        numbers[at] = saved;
+    }
+    good.count = HW_INNER_BOXES_MAX + 1;
+    assert_int_equal(hw_mesh_boxes_validate(&mesh, &good), HW_FORMAT);
+    assert_false(hw_path_exists("bad.hxm"));
+    hw_mesh_free(&mesh);
 }
 
 static void test_bad_tables(void **state)
 {
     (void)state;
-    hw_mesh_level_info infos[HW_MESH_LEVELS_MAX] = {{3, 3, 0, 0, 0}, {3, 3, 1, 2, 3}};
+    hw_mesh_level_info infos[HW_MESH_LEVELS_MAX] = {{3, 3, 0, 0, 0, 0}, {3, 3, 1, 2, 3, 4}};
     uint8_t *bytes = NULL;
     size_t size = 0;
     uint32_t count = 0;
@@ -334,11 +411,12 @@ static hw_status read_pieces(const uint8_t *bytes, size_t size, size_t have)
         uint64_t offset, length;
         hw_mesh_file_level_place(file, i, &offset, &length);
         assert_true(offset + length <= size);
-        status = hw_mesh_file_decode(file, i, bytes + offset, (size_t)length, &mesh);
+        status = hw_mesh_file_decode(file, i, bytes + offset, (size_t)length, &mesh, NULL);
         hw_mesh_free(&mesh);
         if (status == HW_OK)
             assert_int_equal(
-                hw_mesh_file_decode(file, i, bytes + offset, (size_t)length - 1, &mesh), HW_FORMAT);
+                hw_mesh_file_decode(file, i, bytes + offset, (size_t)length - 1, &mesh, NULL),
+                HW_FORMAT);
     }
     hw_mesh_file_close(file);
     return status;
@@ -376,6 +454,7 @@ int main(void)
         cmocka_unit_test(test_octahedral),
         cmocka_unit_test(test_bad_levels),
         cmocka_unit_test(test_hostile_level),
+        cmocka_unit_test(test_hostile_boxes),
         cmocka_unit_test(test_bad_tables),
         cmocka_unit_test(test_wrong_files),
         cmocka_unit_test(test_pieces),

@@ -19,10 +19,12 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     if (hw_mesh_table_decode("fuzz", table, table_bytes, infos, &count) != HW_OK)
         return 0;
     hw_mesh mesh;
+    hw_inner_boxes boxes;
     size_t left = hw_bytes_left(&r);
-    fuzz_accepted =
-        hw_mesh_level_decode("fuzz", &infos[0], hw_get_span(&r, left), left, &mesh) == HW_OK;
-    if (fuzz_accepted && hw_mesh_validate(&mesh) != HW_OK)
+    fuzz_accepted = hw_mesh_level_decode("fuzz", &infos[0], hw_get_span(&r, left), left, &mesh,
+                                         &boxes) == HW_OK;
+    if (fuzz_accepted &&
+        (hw_mesh_validate(&mesh) != HW_OK || hw_mesh_boxes_validate(&mesh, &boxes) != HW_OK))
         abort();
     hw_mesh_free(&mesh);
     return 0;

@@ -79,10 +79,12 @@ static void make_meshes(const char *folder)
         uint8_t *table = NULL, *level = NULL;
         size_t table_size = 0, level_size = 0;
         fixture_mesh(&mesh, 2 + i, i % 2 == 0);
-        const hw_mesh_level_info infos[2] = {{mesh.vertex_count, mesh.index_count, 0, 0, 0},
-                                             {3, 3, 1, 2, 1}};
+        const hw_mesh_level_info infos[2] = {{mesh.vertex_count, mesh.index_count, 0, 0, 0, 0},
+                                             {3, 3, 1, 2, 1, 1}};
         must(hw_mesh_table_encode(infos, 1 + i % 2, &table, &table_size));
-        must(hw_mesh_level_encode(&mesh, &level, &level_size));
+        hw_inner_boxes boxes;
+        fixture_boxes(&boxes, &mesh, i);
+        must(hw_mesh_level_encode(&mesh, &boxes, &level, &level_size));
         hw_put_u32(&w, (uint32_t)table_size);
         hw_put_bytes(&w, table, table_size);
         hw_put_bytes(&w, level, level_size);

@@ -119,6 +119,35 @@ static void objects_are_near_or_far_as_they_should(void **state)
     hw_manifest_free(&manifest);
 }
 
+// Levels of near meshes come with boxes that lie within them, and with errors.
+static void near_meshes_are_filled(void **state)
+{
+    (void)state;
+    for (uint32_t m = 0; m < 3; m++) {
+        char *path;
+        hw_mesh_file *file;
+        assert_int_equal(hw_mesh_path(&path, "build_a", m), HW_OK);
+        assert_int_equal(hw_mesh_file_open(&file, path), HW_OK);
+        hw_free(path);
+        uint32_t count = hw_mesh_file_level_count(file);
+        assert_true(count > 5);
+        for (uint32_t l = 0; l < count; l++) {
+            hw_mesh mesh;
+            hw_inner_boxes boxes;
+            assert_int_equal(hw_mesh_file_read(file, l, &mesh, &boxes), HW_OK);
+            assert_true(boxes.count > 0);
+            // Levels keep the volume, so that coarse ones reach beyond the sphere.
+            float reach = 6 + 2 * hw_mesh_file_level(file, l)->error_p99;
+            for (uint32_t k = 0; k < 8 * boxes.count; k++)
+                assert_true(hw_v3_length(hw_box_corner(boxes.boxes[k / 8], k % 8)) < reach);
+            assert_true(hw_box_diagonal(boxes.boxes[0]) > 6); // of a cube in the sphere: 12
+            hw_mesh_free(&mesh);
+        }
+        assert_true(hw_mesh_file_level(file, count - 1)->error_shading > 0);
+        hw_mesh_file_close(file);
+    }
+}
+
 // Vertices of every stand-in lie on the sphere it stands for, within the pixel bounds of the policy
 // seen from the cell.
 static void far_meshes_lie_on_their_objects(void **state)
@@ -405,6 +434,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(objects_are_near_or_far_as_they_should),
+        cmocka_unit_test(near_meshes_are_filled),
         cmocka_unit_test(far_meshes_lie_on_their_objects),
         cmocka_unit_test(threads_and_shards_change_no_byte),
         cmocka_unit_test(unfinished_build_goes_on),

@@ -1,5 +1,6 @@
 #include "shapes.h"
 
+#include "appearance.h"
 #include "deviation.h"
 
 static hw_deviation surface(const hw_mesh *original, const hw_mesh *level, uint32_t samples)
@@ -75,6 +76,45 @@ static void test_surface_of_spheres_and_seeds(void **state)
     hw_rays_destroy(rays);
     hw_mesh_free(&a);
     hw_mesh_free(&b);
+}
+
+static hw_mesh painted_plane(uint32_t n, bool upward, uint8_t value)
+{
+    hw_vec3 a = hw_v3(4, 0, 0), b = hw_v3(0, 3, 0);
+    hw_mesh mesh = shape_plane(hw_v3(0, 0, 0), upward ? a : b, upward ? b : a, n, n);
+    assert_int_equal(HW_NEW(&mesh.colors, mesh.vertex_count), HW_OK);
+    memset(mesh.colors, value, mesh.vertex_count * sizeof *mesh.colors);
+    return mesh;
+}
+
+// By colour and by normal; what faces the other way is another surface.
+static void test_shading(void **state)
+{
+    (void)state;
+    hw_mesh a = painted_plane(7, true, 200), b = painted_plane(2, true, 100),
+            back = painted_plane(2, false, 100);
+    float light = hw_light(hw_v3(0, 0, 1));
+    assert_float_equal(surface(&a, &b, 500).shading, light * 100 / 255, 1e-5);
+    assert_float_equal(surface(&b, &a, 500).shading, light * 100 / 255, 1e-5);
+    assert_float_equal(surface(&a, &a, 500).shading, 0, 1e-5);
+    assert_float_equal(surface(&a, &back, 500).shading, 0, 0);
+    for (uint32_t v = 0; v < b.vertex_count; v++) {
+        b.colors[v] = a.colors[0];
+        b.normals[v] = hw_v3(0.6f, 0, 0.8f);
+    }
+    float tilted = 0; // a light at each of eight azimuths, as if the plane stood turned
+    for (int k = 0; k < 8; k++) {
+        float angle = (float)k * (float)HW_PI / 4;
+        float off = hw_light(hw_v3(0.6f * cosf(angle), 0.6f * sinf(angle), 0.8f)) - light;
+        tilted += off * off / 8;
+    }
+    assert_float_equal(surface(&a, &b, 500).shading, sqrtf(tilted) * 200 / 255, 1e-5);
+    hw_free(b.normals);
+    b.normals = NULL;
+    assert_float_equal(surface(&a, &b, 500).shading, 0, 0);
+    hw_mesh_free(&a);
+    hw_mesh_free(&b);
+    hw_mesh_free(&back);
 }
 
 static float outline_of(const hw_outline *outline, const hw_mesh *level)
@@ -188,6 +228,7 @@ int main(void)
         cmocka_unit_test(test_both_sides_count),
         cmocka_unit_test(test_area_weighting),
         cmocka_unit_test(test_surface_of_spheres_and_seeds),
+        cmocka_unit_test(test_shading),
         cmocka_unit_test(test_outline_of_scaled_spheres),
         cmocka_unit_test(test_outline_of_raised_box),
         cmocka_unit_test(test_outline_without_holes),

@@ -156,8 +156,15 @@ static UNUSED void write_mesh(const fixture *f, uint32_t idx, const hw_mesh *lev
                               const hw_mesh_level_info *infos, uint32_t count)
 {
     char *path = NULL;
+    hw_inner_boxes boxes[HW_MESH_LEVELS_MAX] = {{.count = 0}};
+    for (uint32_t i = 0; i < count; i++) {
+        bool solid;
+        assert_ok(hw_mesh_is_solid(&levels[i], &solid));
+        if (solid)
+            assert_ok(hw_inner_boxes_find(&levels[i], &boxes[i]));
+    }
     assert_ok(hw_mesh_path(&path, f->folder, idx));
-    assert_ok(hw_mesh_file_write(path, 1, levels, infos, count));
+    assert_ok(hw_mesh_file_write(path, 1, levels, infos, boxes, count));
     hw_free(path);
 }
 
@@ -166,7 +173,7 @@ static UNUSED void write_meshes(const fixture *f)
     char path[96];
     for (uint32_t i = 0; i < NEAR_OBJECTS; i++) {
         const hw_mesh *mesh = &f->scene.meshes[i];
-        const hw_mesh_level_info info = {mesh->vertex_count, mesh->index_count, 0, 0, 0};
+        const hw_mesh_level_info info = {mesh->vertex_count, mesh->index_count, 0, 0, 0, 0};
         if (i != SPHERE)
             write_mesh(f, i, mesh, &info, 1);
     }
@@ -174,8 +181,13 @@ static UNUSED void write_meshes(const fixture *f)
     hw_mesh_level_info infos[SPHERE_LODS];
     for (uint32_t i = 0; i < SPHERE_LODS; i++) {
         levels[i] = model_sphere(64 >> i, 32 >> i);
-        infos[i] = (hw_mesh_level_info){levels[i].vertex_count, levels[i].index_count, i * 0.01f,
-                                        i * 0.02f, 0};
+        // Errors are 0.02 i: that of level 1 is in its surface, that of level 2 in its shading.
+        infos[i] =
+            (hw_mesh_level_info){.vertex_count = levels[i].vertex_count,
+                                 .index_count = levels[i].index_count,
+                                 .error_rms = i ? 0.01f : 0,
+                                 .error_p99 = i ? 0.02f : 0,
+                                 .error_shading = i > 1 ? 0.02f * i / HW_MESH_SHADING_WEIGHT : 0};
     }
     write_mesh(f, SPHERE, levels, infos, SPHERE_LODS);
     for (uint32_t i = 0; i < SPHERE_LODS; i++)

@@ -108,11 +108,15 @@ static void stream_write_ball(const stream_dataset *d)
     hw_mesh_level_info infos[STREAM_BALL_LODS];
     for (uint32_t i = 0; i < STREAM_BALL_LODS; i++) {
         levels[i] = model_sphere(64 >> i, 32 >> i);
-        infos[i] = (hw_mesh_level_info){levels[i].vertex_count, levels[i].index_count,
-                                        (float)i * 0.01f, (float)i * 0.02f, 0};
+        infos[i] = (hw_mesh_level_info){levels[i].vertex_count,
+                                        levels[i].index_count,
+                                        (float)i * 0.01f,
+                                        (float)i * 0.02f,
+                                        0,
+                                        0};
     }
     snprintf(path, sizeof path, "%s/meshes/0.hxm", d->folder);
-    assert_ok(hw_mesh_file_write(path, 1, levels, infos, STREAM_BALL_LODS));
+    assert_ok(hw_mesh_file_write(path, 1, levels, infos, NULL, STREAM_BALL_LODS));
     for (uint32_t i = 0; i < STREAM_BALL_LODS; i++)
         hw_mesh_free(&levels[i]);
 }

@@ -108,14 +108,14 @@ static void write_wide_and_thin(const char *folder, uint32_t mesh_idx, float err
 {
     const hw_box wide = {{-10, -10, 0}, {10, 10, 30}}, thin = {{-2, -2, 0}, {2, 2, 30}};
     hw_mesh levels[2] = {boxes_mesh(&wide, 1), boxes_mesh(&thin, 1)};
-    hw_mesh_level_info infos[2] = {{8, 36, 0, 0, 0}, {8, 36, error, error, error}};
+    hw_mesh_level_info infos[2] = {{8, 36, 0, 0, 0, 0}, {8, 36, error, error, error, 0}};
     char *path = NULL;
     for (int i = 0; i < 2; i++) {
         assert_int_equal(hw_strdup(&levels[i].name, "box"), HW_OK);
         assert_int_equal(hw_mesh_compute_normals(&levels[i]), HW_OK);
     }
     assert_int_equal(hw_mesh_path(&path, folder, mesh_idx), HW_OK);
-    assert_int_equal(hw_mesh_file_write(path, 1, levels, infos, 2), HW_OK);
+    assert_int_equal(hw_mesh_file_write(path, 1, levels, infos, NULL, 2), HW_OK);
     hw_free(path);
     hw_mesh_free(&levels[0]);
     hw_mesh_free(&levels[1]);
