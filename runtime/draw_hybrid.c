@@ -154,6 +154,7 @@ static void put_stream_stats(const hybrid *h, const hw_store_stats *before, hw_f
     to->gpu_bytes = s.gpu_bytes;
     to->gpu_budget = s.gpu_budget;
     to->ram_bytes = s.ram_bytes;
+    to->ram_bytes_peak = s.ram_bytes_peak;
     to->ram_budget = s.ram_budget;
     to->read_bytes = s.read_bytes;
     to->uploaded_bytes = s.uploaded_bytes;
