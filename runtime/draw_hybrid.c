@@ -129,6 +129,7 @@ static hw_status hybrid_create(const hw_renderer_desc *desc, hw_gpu_account *acc
         HW_GO(hw_hiding_create(&h->hiding));
     HW_GO(hw_hybrid_make_near(h));
     HW_GO(hw_hybrid_make_far(h));
+    hw_gpu_release_compiler();
     *state = h;
     h = NULL;
 out:
