@@ -90,7 +90,8 @@ static hw_status make_loading(hybrid *h, const hw_streaming *streaming, bool hid
                                 .want_boxes = hide};
     HW_TRY(hw_store_create(&desc, &h->store));
     if (loading == HW_LOADING_AHEAD || loading == HW_LOADING_SIMULATED)
-        HW_TRY(hw_prefetch_create(h->store, &h->manifest, h->stretch, &h->prefetch));
+        HW_TRY(hw_prefetch_create(h->store, &h->manifest, h->stretch, h->crossing_width,
+                                  &h->prefetch));
     // Of most datasets' cells none has more records than there are objects; three are drawn
     // where they dissolve into each other.
     size_t records = h->manifest.object_count;
