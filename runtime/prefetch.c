@@ -206,13 +206,19 @@ static uint32_t find_shown(const hw_prefetch *p, hw_cell_id id)
     return shown;
 }
 
-// Way to the first of the points at which the cell is shown, of which there is one.
+// Way to the last point before the first at which the cell is shown, of which there is one.
 static double way_to(const hw_prefetch *p, uint32_t shown)
 {
     uint32_t i = 0;
     while (!(shown >> i & 1))
         i++;
-    return p->view.speed * way_seconds[i];
+    return p->view.speed * way_seconds[i > 0 ? i - 1 : 0];
+}
+
+// What is needed after so much way, as a share of the priority of what is needed now.
+static double share_after(const hw_prefetch *p, double way)
+{
+    return 1 / (1 + WAY_WEIGHT * way / (CLOSE_CELLS * p->manifest->grid.cell_size));
 }
 
 static void add_candidate(hw_prefetch *p, hw_cell_id id, bool ahead_only)
@@ -229,13 +235,12 @@ static void add_candidate(hw_prefetch *p, hw_cell_id id, bool ahead_only)
         return;
     hw_vec3 entry = hw_prefetch_entry(grid, id, p->view.eye);
     double distance = hw_prefetch_distance(&p->view, grid, id);
-    if (shown)
-        distance = fmin(distance, WAY_WEIGHT * way_to(p, shown));
     double priority = hw_prefetch_priority(&p->view, centre, distance, grid->cell_size);
     if (p->candidate_count == 0)
         priority = PRIORITY_HERE;
-    else if (shown & 1)
-        priority = PRIORITY_SHOWN;
+    else if (shown)
+        priority =
+            fmin(fmax(priority, PRIORITY_SHOWN * share_after(p, way_to(p, shown))), PRIORITY_SHOWN);
     p->candidates[p->candidate_count++] = (candidate){id, priority, entry, shown};
 }
 
@@ -369,7 +374,6 @@ static hw_vec3 find_strip(const hw_prefetch *p, hw_vec3 entry)
 // the shortest way in.
 static void plan_levels(hw_prefetch *p, const candidate *c, const near_object *n)
 {
-    double close = CLOSE_CELLS * p->manifest->grid.cell_size;
     double here = distance_from(n, p->view.eye);
     if (!c->shown) {
         plan_range(p, n, distance_from(n, find_strip(p, c->entry)), distance_from(n, c->entry),
@@ -385,11 +389,11 @@ static void plan_levels(hw_prefetch *p, const candidate *c, const near_object *n
     for (uint32_t i = 1; i < WAY_POINTS; i++) {
         // No one walks through it.
         double distance = fmax(distance_from(n, p->way[i]), fmin(here, AROUND));
-        double way = p->view.speed * way_seconds[i] - start;
+        double way = fmax(p->view.speed * way_seconds[i - 1] - start, 0);
         if (way > p->view.speed * AHEAD_S)
             return;
         if (c->shown >> i & 1) // somewhere between the points it began to be
-            plan_range(p, n, last, distance, c->priority / (1 + WAY_WEIGHT * way / close));
+            plan_range(p, n, last, distance, c->priority * share_after(p, way));
         last = distance;
     }
 }

@@ -6,7 +6,8 @@
 #include <string.h>
 
 #define ACTIVE_MAX   4096u // items that are not away
-#define WAIT_FIRST_S 0.5   // after a failure, doubled with each
+#define PATIENCE     4u // frames: what was drawn before the viewer came here is soon in use no more
+#define WAIT_FIRST_S 0.5 // after a failure, doubled with each
 #define WAIT_MOST_S  30.0
 
 // What becomes of a file's bytes on the GPU, until some cells have shown it.
@@ -42,6 +43,7 @@ struct hw_store {
         hw_upload upload;
     } uploads[UPLOADS];
     uint64_t frame, timestamp, gpu_bytes, uploaded_bytes;
+    uint32_t patience; // frames for which something indispensable has found no room on the GPU
     double now_s;
     uint64_t seen_file_bytes, seen_gpu_bytes, seen_ram_bytes; // of cells that came
     uint32_t news, problem_count;
@@ -317,8 +319,11 @@ static bool start_upload(hw_store *s, int sort)
     const hw_item *running = s->uploads[UPLOAD_CELL].item;
     if (sort == UPLOAD_URGENT && (!item || !running || running->stamp >= item->stamp))
         return false;
-    if (!item ||
-        (!make_gpu_room(s, bytes_on_gpu(s, item), item->stamp) && item->place != HW_PLACE_NOW))
+    if (!item)
+        return false;
+    if (make_gpu_room(s, bytes_on_gpu(s, item), item->stamp))
+        s->patience = 0;
+    else if (item->place != HW_PLACE_NOW || s->patience++ < PATIENCE)
         return false;
     if (begin_upload(s, item, &s->uploads[sort].upload) == HW_OK)
         s->uploads[sort].item = item;

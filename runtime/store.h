@@ -3,7 +3,7 @@
 //
 // The memory budget is for what waits there, decoded, for the GPU (loader.h); a piece larger than
 // all of it comes alone. The GPU's budget is exceeded by what a frame cannot be drawn without
-// (HW_PLACE_NOW), if all else there is being drawn, and by that alone.
+// (HW_PLACE_NOW), if all else there is being drawn for some frames, and by that alone.
 //
 // Either pieces are loaded when they are needed (hw_store_need, which waits); or they are wished
 // for (hw_store_want), come from the loader some frames later, and reach the GPU under a budget of
