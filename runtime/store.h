@@ -15,7 +15,7 @@
 #define HW_STORE_GPU_WAITING                                                                       \
     UINT64_C(20000000) // the same where nothing is streamed: RGBA in software GL
 #define HW_STORE_RAM_BUDGET  UINT64_C(4000000)
-#define HW_STORE_FRAME_BYTES (UINT64_C(1) << 20)
+#define HW_STORE_FRAME_BYTES (UINT64_C(1) << 19)
 
 typedef struct hw_store_desc {
     const char *location; // folder or URL
