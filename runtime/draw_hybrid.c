@@ -89,7 +89,8 @@ static hw_status make_loading(hybrid *h, const hw_streaming *streaming)
                                 .bytes_per_second = streaming->bytes_per_second};
     HW_TRY(hw_store_create(&desc, &h->store));
     if (loading == HW_LOADING_AHEAD || loading == HW_LOADING_SIMULATED)
-        HW_TRY(hw_prefetch_create(h->store, &h->manifest, h->stretch, &h->prefetch));
+        HW_TRY(hw_prefetch_create(h->store, &h->manifest, h->stretch, h->crossing_width,
+                                  &h->prefetch));
     // Of most datasets' cells none has more records than there are objects; three are drawn
     // where they dissolve into each other.
     size_t records = h->manifest.object_count;
@@ -128,6 +129,7 @@ static hw_status hybrid_create(const hw_renderer_desc *desc, hw_gpu_account *acc
         HW_GO(hw_hiding_create(&h->hiding));
     HW_GO(hw_hybrid_make_near(h));
     HW_GO(hw_hybrid_make_far(h));
+    hw_gpu_release_compiler();
     *state = h;
     h = NULL;
 out:
@@ -153,6 +155,7 @@ static void put_stream_stats(const hybrid *h, const hw_store_stats *before, hw_f
     to->gpu_bytes = s.gpu_bytes;
     to->gpu_budget = s.gpu_budget;
     to->ram_bytes = s.ram_bytes;
+    to->ram_bytes_peak = s.ram_bytes_peak;
     to->ram_budget = s.ram_budget;
     to->read_bytes = s.read_bytes;
     to->uploaded_bytes = s.uploaded_bytes;

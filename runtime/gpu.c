@@ -71,14 +71,23 @@ hw_status hw_gpu_program(const char *name, const char *defines, const char *vert
         status = hw_fail(HW_GRAPHICS, "%s: %s", name, log);
         goto out;
     }
+    // A shader that stays attached lives as long as its program: megabytes of Mesa's.
+    glDetachShader(program, shaders[0]);
+    glDetachShader(program, shaders[1]);
     *out = program;
     program = 0;
 out:
-    // GL ignores the name 0; attached shaders live until their program goes.
+    // GL ignores the name 0.
     glDeleteShader(shaders[0]);
     glDeleteShader(shaders[1]);
     glDeleteProgram(program);
     return status;
+}
+
+void hw_gpu_release_compiler(void)
+{
+    if (GLAD_GL_ARB_ES2_compatibility)
+        glReleaseShaderCompiler();
 }
 
 static void account_add(hw_gpu_account *account, uint64_t bytes)

@@ -21,6 +21,9 @@ HW_MUST_USE hw_status hw_gpu_check(const char *what);
 // HW_GRAPHICS holds the driver's log; `name` is for messages. Delete with glDeleteProgram.
 HW_MUST_USE hw_status hw_gpu_program(const char *name, const char *defines, const char *vertex,
                                      const char *fragment, GLuint *out);
+// To be called when programs have been made and no more are expected soon: a hint to free what
+// compiling needs, which in Mesa is megabytes. They can be made all the same.
+void hw_gpu_release_compiler(void);
 
 typedef struct hw_gpu_buffer {
     GLuint name; // 0 = none

@@ -22,7 +22,8 @@ hw_status hw_hybrid_make_near(hybrid *h)
 {
     static const char *const near_defines[2][HW_PHASES] = {
         {"", "#define DISSOLVE\n"}, {"#define TEXTURED\n", "#define TEXTURED\n#define DISSOLVE\n"}};
-    for (int i = 0; i < 2; i++)
+    int kinds = h->manifest.texture_count > 0 ? 2 : 1;
+    for (int i = 0; i < kinds; i++)
         for (int phase = 0; phase < HW_PHASES; phase++)
             HW_TRY(make_near_program(near_defines[i][phase], &h->near_programs[i][phase]));
     return HW_OK;

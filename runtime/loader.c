@@ -7,6 +7,7 @@
 #include "ring.h"
 #include "system.h"
 #include <inttypes.h>
+#include <math.h>
 #include <pthread.h>
 #include <semaphore.h>
 #include <stdio.h>
@@ -18,8 +19,8 @@
 #define WISHES_MAX     4096u
 #define RESULTS_MAX    64u
 #define DISPOSALS_MAX  4096u
-#define PRIORITY_LOWER 10 // nice value of the thread
-#define CELL_RATIO     5u // bytes of a cell in memory per byte of its file, at most about
+#define PRIORITY_LOWER 10  // nice value of the thread
+#define CELL_RATIO     4.0 // bytes of a cell in memory per byte of its file, until more is seen
 #define NAME_CAPACITY  64u
 
 // A piece on its way.
@@ -46,7 +47,14 @@ struct hw_loader {
     job jobs[JOBS_MAX];
     uint32_t job_count;
     hw_ring wishes, results, disposals;
-    _Atomic uint64_t timestamp, ram_bytes, bytes, errors;
+    // What is known of sizes before a piece is decoded.
+    double cell_ratio;       // the largest that was seen
+    uint64_t *texture_bytes; // of those that were seen
+    bool *has_uvs;           // by mesh
+    _Atomic uint64_t timestamp, ram_bytes, ram_peak, bytes, errors;
+    // Of the most urgent wish, if it waits for the budget: bytes with those of what is going on.
+    _Atomic uint64_t room_wanted;
+    _Atomic double room_priority;
     _Atomic uint32_t queued;
     hw_loader_mode mode;
     bool started; // the thread
@@ -263,8 +271,99 @@ static hw_loaded *step_job(hw_loader *l, job *j, bool *gone)
         if (l->started) // others return the error
             hw_log_warning("%s", out->error);
     }
-    atomic_fetch_add(&l->ram_bytes, out->ram_bytes);
     return out;
+}
+
+// ---- the budget ------------------------------------------------------------------------------
+
+// Bytes that a piece will take once decoded, about.
+static uint64_t estimate(const hw_loader *l, hw_data_key key)
+{
+    const hw_mesh_file *table = key.kind == HW_DATA_LEVEL ? l->tables[key.index] : NULL;
+    if (key.kind == HW_DATA_CELL)
+        return (uint64_t)ceil(l->cell_ratio * (double)l->manifest->cells[key.index].bytes);
+    if (key.kind == HW_DATA_TEXTURE)
+        return l->texture_bytes[key.index];
+    if (!table || key.level >= hw_mesh_file_level_count(table))
+        return 0;
+    const hw_mesh_level_info *info = hw_mesh_file_level(table, key.level);
+    return hw_near_level_bytes(info->vertex_count, info->index_count, l->has_uvs[key.index]);
+}
+
+// What is learnt from a piece makes its next estimate no less than what it takes.
+static void learn_size(hw_loader *l, const hw_loaded *loaded)
+{
+    hw_data_key key = loaded->key;
+    if (key.kind == HW_DATA_CELL && l->manifest->cells[key.index].bytes > 0)
+        l->cell_ratio = fmax(l->cell_ratio, (double)loaded->ram_bytes /
+                                                (double)l->manifest->cells[key.index].bytes);
+    else if (key.kind == HW_DATA_TEXTURE)
+        l->texture_bytes[key.index] = loaded->ram_bytes;
+    else if (key.kind == HW_DATA_LEVEL)
+        l->has_uvs[key.index] = loaded->level.has_uvs;
+}
+
+// Bytes that will be held once all that is going on, but jobs[except], has been decoded.
+static uint64_t reserved_bytes(const hw_loader *l, uint32_t except)
+{
+    uint64_t bytes = atomic_load(&l->ram_bytes);
+    for (uint32_t i = 0; i < l->job_count; i++)
+        bytes += i == except ? 0 : estimate(l, l->jobs[i].key);
+    return bytes;
+}
+
+#define NO_JOB UINT32_MAX
+
+// Whether the wish may be begun. What is larger than the budget may when there is nothing else,
+// lest it be waited for for ever.
+static bool has_room(hw_loader *l, const hw_wish *wish)
+{
+    uint64_t reserved = reserved_bytes(l, NO_JOB), wanted = reserved + estimate(l, wish->key);
+    if (hw_ring_count(&l->results) + l->job_count + 1 > RESULTS_MAX)
+        return false;
+    if (wanted <= l->ram_budget || reserved == 0)
+        return true;
+    atomic_store(&l->room_priority, wish->t_priority);
+    atomic_store(&l->room_wanted, wanted - atomic_load(&l->ram_bytes));
+    return false;
+}
+
+uint64_t hw_loader_lacks(const hw_loader *loader, double *t_priority)
+{
+    uint64_t wanted = atomic_load(&loader->room_wanted);
+    uint64_t bytes = atomic_load(&loader->ram_bytes) + wanted;
+    *t_priority = atomic_load(&loader->room_priority);
+    if (wanted == 0 || bytes <= loader->ram_budget)
+        return 0;
+    return bytes - loader->ram_budget;
+}
+
+static void hold(hw_loader *l, const hw_loaded *loaded)
+{
+    uint64_t bytes = atomic_fetch_add(&l->ram_bytes, loaded->ram_bytes) + loaded->ram_bytes;
+    if (bytes > atomic_load(&l->ram_peak))
+        atomic_store(&l->ram_peak, bytes);
+}
+
+// Takes what jobs[i] (or, NO_JOB, what is none) has loaded into the account; or throws it away, if
+// it turned out to be larger than it was thought to be and than what is left: it is wished for
+// again, now with its true size.
+static void put_result(hw_loader *l, uint32_t i, double t_priority, hw_loaded *loaded)
+{
+    uint64_t others = reserved_bytes(l, i);
+    const hw_wish wish = {loaded->key, t_priority};
+    hw_wish lost;
+    learn_size(l, loaded);
+    if (others > 0 && others + loaded->ram_bytes > l->ram_budget && loaded->ram_bytes > 0) {
+        free_loaded(loaded);
+        (void)hw_prefetch_queue_put(&l->queue, &wish, &lost);
+        return;
+    }
+    hold(l, loaded);
+    if (hw_ring_put(&l->results, &loaded)) // has_room has left some
+        return;
+    atomic_fetch_sub(&l->ram_bytes, loaded->ram_bytes);
+    free_loaded(loaded);
 }
 
 // ---- simulated time --------------------------------------------------------------------------
@@ -296,45 +395,53 @@ static void step_end(hw_loader *l)
     step_begin(l);
 }
 
-hw_loaded *hw_loader_load(hw_loader *loader, hw_data_key key)
+static hw_loaded *load_now(hw_loader *l, hw_data_key key)
 {
     job j = {.key = key};
     bool gone = false;
     hw_loaded *out = NULL;
-    step_begin(loader);
+    step_begin(l);
     while (!out && !gone)
-        out = step_job(loader, &j, &gone);
-    step_end(loader);
+        out = step_job(l, &j, &gone);
+    step_end(l);
+    return out;
+}
+
+hw_loaded *hw_loader_load(hw_loader *loader, hw_data_key key)
+{
+    hw_loaded *out = load_now(loader, key);
+    if (out)
+        hold(loader, out);
     return out;
 }
 
 // ---- freeing ---------------------------------------------------------------------------------
 
-static void dispose(hw_loader *l, disposal d)
+static void dispose(disposal d)
 {
-    hw_loaded *loaded = d.loaded;
-    atomic_fetch_sub(&l->ram_bytes, loaded->ram_bytes);
-    loaded->ram_bytes = 0;
     if (d.all)
-        free_loaded(loaded);
+        free_loaded(d.loaded);
     else
-        hw_cell_data_free_bulk(&loaded->cell);
+        hw_cell_data_free_bulk(&d.loaded->cell);
 }
 
 static void take_disposals(hw_loader *l)
 {
     disposal d;
     while (hw_ring_take(&l->disposals, &d))
-        dispose(l, d);
+        dispose(d);
 }
 
 void hw_loader_dispose(hw_loader *loader, hw_loaded *loaded, bool all)
 {
     disposal d = {loaded, all};
+    // The loader frees before it begins anything: what is given back counts no more.
+    atomic_fetch_sub(&loader->ram_bytes, loaded->ram_bytes);
+    loaded->ram_bytes = 0;
     if (loader->started && hw_ring_put(&loader->disposals, &d))
         sem_post(&loader->wake);
     else
-        dispose(loader, d);
+        dispose(d);
 }
 
 // ---- the thread ------------------------------------------------------------------------------
@@ -375,48 +482,17 @@ static void drop_stale(hw_loader *l)
     }
 }
 
-// Bytes that a piece will take once decoded, about.
-static uint64_t estimate(const hw_loader *l, hw_data_key key)
-{
-    const hw_mesh_file *table = key.kind == HW_DATA_LEVEL ? l->tables[key.index] : NULL;
-    if (key.kind == HW_DATA_CELL)
-        return CELL_RATIO * l->manifest->cells[key.index].bytes;
-    if (!table || key.level >= hw_mesh_file_level_count(table))
-        return 0;
-    const hw_mesh_level_info *info = hw_mesh_file_level(table, key.level);
-    return hw_near_level_bytes(info->vertex_count, info->index_count, false);
-}
-
-// Whether a piece may be begun: what is begun is not to exceed the budget. One at a time may
-// always, lest a budget smaller than a piece ends all loading.
-static bool has_room(const hw_loader *l, hw_data_key key)
-{
-    uint64_t bytes = atomic_load(&l->ram_bytes);
-    uint32_t results = hw_ring_count(&l->results);
-    for (uint32_t i = 0; i < l->job_count; i++)
-        bytes += estimate(l, l->jobs[i].key);
-    if (results + l->job_count + 1 > RESULTS_MAX)
-        return false;
-    return bytes + estimate(l, key) <= l->ram_budget ||
-           (l->job_count == 0 && results == 0 && !l->held && bytes < l->ram_budget);
-}
-
-static void put_result(hw_loader *l, hw_loaded *loaded)
-{
-    if (!hw_ring_put(&l->results, &loaded)) // has_room has left some
-        dispose(l, (disposal){loaded, true});
-}
-
 static void start_jobs(hw_loader *l)
 {
     hw_wish wish;
+    atomic_store(&l->room_wanted, 0);
     while (l->job_count < JOBS_MAX && hw_prefetch_queue_peek(&l->queue, &wish) &&
-           has_room(l, wish.key) && hw_prefetch_queue_take(&l->queue, &wish)) {
+           has_room(l, &wish) && hw_prefetch_queue_take(&l->queue, &wish)) {
         job j = {.key = wish.key, .t_priority = wish.t_priority};
         bool gone;
         hw_loaded *failed = step_job(l, &j, &gone);
         if (failed)
-            put_result(l, failed);
+            put_result(l, NO_JOB, wish.t_priority, failed);
         else if (!gone)
             l->jobs[l->job_count++] = j;
     }
@@ -430,10 +506,10 @@ static bool finish_job(hw_loader *l)
             continue;
         bool gone;
         hw_loaded *out = step_job(l, &l->jobs[i], &gone);
+        if (out)
+            put_result(l, i, l->jobs[i].t_priority, out);
         if (out || gone)
             l->jobs[i] = l->jobs[--l->job_count];
-        if (out)
-            put_result(l, out);
         return true;
     }
     return false;
@@ -481,13 +557,14 @@ void hw_loader_run(hw_loader *loader, double until_s)
     l->frame_s = until_s;
     take_wishes(l);
     drop_stale(l);
-    while (l->now_s < until_s && hw_prefetch_queue_peek(&l->queue, &wish) &&
-           has_room(l, wish.key) && hw_prefetch_queue_take(&l->queue, &wish)) {
-        hw_loaded *out = hw_loader_load(l, wish.key);
+    atomic_store(&l->room_wanted, 0);
+    while (l->now_s < until_s && hw_prefetch_queue_peek(&l->queue, &wish) && has_room(l, &wish) &&
+           hw_prefetch_queue_take(&l->queue, &wish)) {
+        hw_loaded *out = load_now(l, wish.key);
         if (!out)
             continue;
         out->ready_s = l->now_s;
-        put_result(l, out);
+        put_result(l, NO_JOB, wish.t_priority, out);
     }
     if (l->now_s < until_s)
         l->now_s = until_s; // idle
@@ -527,6 +604,7 @@ hw_loader_stats hw_loader_get_stats(const hw_loader *loader)
 {
     return (hw_loader_stats){.queued = atomic_load(&loader->queued),
                              .ram_bytes = atomic_load(&loader->ram_bytes),
+                             .ram_peak = atomic_load(&loader->ram_peak),
                              .bytes = atomic_load(&loader->bytes),
                              .errors = atomic_load(&loader->errors)};
 }
@@ -558,7 +636,10 @@ hw_status hw_loader_create(const hw_loader_desc *desc, hw_loader **out)
     l->manifest = desc->manifest;
     l->ram_budget = desc->ram_budget;
     l->mode = desc->mode;
+    l->cell_ratio = CELL_RATIO;
     HW_GO(HW_NEW(&l->tables, desc->manifest->mesh_count));
+    HW_GO(HW_NEW(&l->has_uvs, desc->manifest->mesh_count));
+    HW_GO(HW_NEW(&l->texture_bytes, desc->manifest->texture_count));
     HW_GO(hw_ring_create(&l->wishes, WISHES_MAX, sizeof(hw_wish)));
     HW_GO(hw_ring_create(&l->results, RESULTS_MAX, sizeof(hw_loaded *)));
     HW_GO(hw_ring_create(&l->disposals, DISPOSALS_MAX, sizeof(disposal)));
@@ -596,6 +677,8 @@ void hw_loader_destroy(hw_loader *loader)
     for (uint32_t i = 0; loader->tables && i < loader->manifest->mesh_count; i++)
         hw_mesh_file_close(loader->tables[i]);
     hw_free(loader->tables);
+    hw_free(loader->has_uvs);
+    hw_free(loader->texture_bytes);
     hw_ring_free(&loader->wishes);
     hw_ring_free(&loader->results);
     hw_ring_free(&loader->disposals);

@@ -64,11 +64,14 @@ typedef struct hw_loader_desc {
     const char *location;        // folder or URL
     const hw_manifest *manifest; // borrowed
     uint64_t bytes_per_second;   // 0 = no limit
-    uint64_t ram_budget;         // bytes of results after which nothing more is begun
+    uint64_t ram_budget;         // bytes of results held at a time, at most; not where it waits
     hw_loader_mode mode;
     uint32_t timeout_ms, wait_ms; // of a web server, 0 = defaults (source.h)
 } hw_loader_desc;
 
+// The budget bounds what has been decoded and not been disposed of. What is being read or decoded
+// (files, scratch) comes on top, two pieces at most. A piece that is larger than the whole budget
+// is loaded when nothing else is held.
 typedef struct hw_loader hw_loader;
 HW_MUST_USE hw_status hw_loader_create(const hw_loader_desc *desc, hw_loader **out);
 // Stops the thread and frees what lies in the rings. NULL is legal.
@@ -88,10 +91,14 @@ void hw_loader_dispose(hw_loader *loader, hw_loaded *loaded, bool all);
 typedef struct hw_loader_stats {
     uint32_t queued;    // wishes and reads going on
     uint64_t ram_bytes; // of results not disposed of
+    uint64_t ram_peak;  // the most there were since the start
     uint64_t bytes;     // read since the start
     uint64_t errors;    // pieces that failed
 } hw_loader_stats;
 hw_loader_stats hw_loader_get_stats(const hw_loader *loader);
+// Bytes that must be disposed of before the most urgent wish can be begun, and how urgent that is;
+// 0: it is not the budget that it waits for.
+uint64_t hw_loader_lacks(const hw_loader *loader, double *t_priority);
 
 // Without a thread: loads the piece now. NULL for want of memory; else look at its status.
 hw_loaded *hw_loader_load(hw_loader *loader, hw_data_key key);

@@ -1,31 +1,37 @@
 #include "prefetch.h"
 #include "alloc.h"
+#include "crossing.h"
 #include "cull.h"
 #include "hierarchy.h"
 #include <math.h>
 
-#define PLAN_CELLS_MAX (19u * HW_CELL_LEVELS_MAX) // the viewer's, two rings; and what holds them
-#define PLAN_NEAR_MAX  512u
+#define CANDIDATES_MAX 19u // the viewer's cell and two rings
+#define PLAN_MAX       (CANDIDATES_MAX * HW_CELL_LEVELS_MAX + 512u)
 
 // Weights of what makes a cell urgent; their sum stays below PRIORITY_HERE.
 #define WEIGHT_CLOSE   0.55
 #define WEIGHT_MOTION  0.15
 #define WEIGHT_AIM     0.12
 #define WEIGHT_FRUSTUM 0.08
-#define CLOSE_CELLS    0.4  // the distance, in cell sizes, at which half of the first is left
-#define PRIORITY_HERE  0.95 // the viewer's own cell
-#define PRIORITY_MUST  0.96 // without which it cannot be drawn
-#define PRIORITY_LACK  0.99 // what the present frame lacks
+#define CLOSE_CELLS    0.4   // the distance, in cell sizes, at which half of the first is left
+#define PRIORITY_SHOWN 0.94  // what the frame shows of other cells
+#define PRIORITY_HERE  0.95  // the viewer's own cell
+#define PRIORITY_MUST  0.96  // without which it cannot be drawn
+#define PRIORITY_LACK  0.99  // what the present frame lacks
+#define BEFORE         0.005 // a cell's fall-backs come before it: it is not shown without them
 
-#define CELLS_GPU_SHARE 0.8  // of the GPU's budget
 #define CELLS_RAM_SHARE 0.45 // of the memory budget; the store lets half of it lie
-#define AHEAD_S         1.0  // for so long levels of near meshes are foreseen
-#define AHEAD_LEAST     4.0  // units
-#define AHEAD_MOST      60.0
+#define AHEAD_S         1.0  // from where a cell is shown on, for so long levels are foreseen
+#define AROUND          4.0  // units: levels this much nearer and farther are foreseen
+#define AROUND_SHARE    0.9  // of the priority
 #define SMOOTH_S        0.25 // over which motion is averaged
 #define WAY_WEIGHT      0.5  // of what is walked before, against the distance from there
 #define REPLAN_S        0.5  // plans are made again after that, for what failed or was lost
 #define SECOND_RING_COS 0.7  // of the second ring only what lies ahead
+
+// Points of the way of a viewer who goes on as he does.
+#define WAY_POINTS 8u
+static const double way_seconds[WAY_POINTS] = {0, 0.25, 0.5, 0.75, 1, 1.5, 2, 3};
 
 typedef struct plan_entry {
     hw_data_key key;
@@ -33,18 +39,19 @@ typedef struct plan_entry {
     uint64_t gpu_bytes;
 } plan_entry;
 
-// A cell of level 0 that may be entered.
+// A cell of level 0 that may be shown.
 typedef struct candidate {
     hw_cell_id id;
     double priority;
     hw_vec3 entry;
+    uint32_t shown; // bit i: at point i of the way frames show it
 } candidate;
 
 struct hw_prefetch {
     hw_store *store;
     const hw_manifest *manifest;
     const float *stretch;
-    double near_error_px;
+    double crossing_width, near_error_px, focal_px;
     uint64_t timestamp;
     uint32_t news; // of the store, when the plan was made
     bool started;
@@ -52,10 +59,12 @@ struct hw_prefetch {
     double last_s, plan_s;
     double velocity[2]; // smoothed
     hw_prefetch_view view;
-    candidate candidates[19];
+    hw_vec3 way[WAY_POINTS];
+    hw_crossing crossings[WAY_POINTS]; // there
+    candidate candidates[CANDIDATES_MAX];
     uint32_t candidate_count;
-    plan_entry cells[PLAN_CELLS_MAX], near[PLAN_NEAR_MAX];
-    uint32_t cell_count, near_count;
+    plan_entry plan[PLAN_MAX];
+    uint32_t plan_count;
 };
 
 // ---- priorities ------------------------------------------------------------------------------
@@ -113,10 +122,9 @@ hw_vec3 hw_prefetch_entry(const hw_hexgrid *grid, hw_cell_id id, hw_vec3 from)
 
 double hw_prefetch_distance(const hw_prefetch_view *view, const hw_hexgrid *grid, hw_cell_id id)
 {
-    static const double seconds[] = {0, 0.25, 0.5, 0.75, 1, 1.5, 2, 3};
     double least = (double)INFINITY;
-    for (size_t i = 0; i < sizeof seconds / sizeof *seconds; i++) {
-        double way = view->speed * seconds[i];
+    for (uint32_t i = 0; i < WAY_POINTS; i++) {
+        double way = view->speed * way_seconds[i];
         hw_vec3 then = hw_v3_mad(view->eye, view->motion, (float)way);
         hw_vec3 entry = hw_prefetch_entry(grid, id, then);
         least = fmin(least, (double)hw_v3_length(hw_v3_sub(entry, then)) + WAY_WEIGHT * way);
@@ -168,7 +176,50 @@ static bool tick(hw_prefetch *p)
     return true;
 }
 
-// ---- cells that may be entered ---------------------------------------------------------------
+// ---- cells that may be shown -----------------------------------------------------------------
+
+static bool is_same(hw_cell_id a, hw_cell_id b)
+{
+    return hw_cell_compare(a, b) == 0;
+}
+
+// Where the viewer will be, and what frames will show there.
+static void find_way(hw_prefetch *p)
+{
+    const hw_hexgrid *grid = &p->manifest->grid;
+    for (uint32_t i = 0; i < WAY_POINTS; i++) {
+        hw_vec3 at =
+            hw_v3_mad(p->view.eye, p->view.motion, (float)(p->view.speed * way_seconds[i]));
+        hw_cell_id id = hw_hexgrid_locate(grid, (double)at.x, (double)at.y);
+        p->way[i] = at;
+        p->crossings[i] = hw_crossing_at(grid, id, at, p->crossing_width);
+    }
+}
+
+static uint32_t find_shown(const hw_prefetch *p, hw_cell_id id)
+{
+    uint32_t shown = 0;
+    for (uint32_t i = 0; i < WAY_POINTS; i++)
+        for (uint32_t k = 0; k < p->crossings[i].count; k++)
+            if (is_same(p->crossings[i].cells[k], id))
+                shown |= 1u << i;
+    return shown;
+}
+
+// Way to the last point before the first at which the cell is shown, of which there is one.
+static double way_to(const hw_prefetch *p, uint32_t shown)
+{
+    uint32_t i = 0;
+    while (!(shown >> i & 1))
+        i++;
+    return p->view.speed * way_seconds[i > 0 ? i - 1 : 0];
+}
+
+// What is needed after so much way, as a share of the priority of what is needed now.
+static double share_after(const hw_prefetch *p, double way)
+{
+    return 1 / (1 + WAY_WEIGHT * way / (CLOSE_CELLS * p->manifest->grid.cell_size));
+}
 
 static void add_candidate(hw_prefetch *p, hw_cell_id id, bool ahead_only)
 {
@@ -176,17 +227,21 @@ static void add_candidate(hw_prefetch *p, hw_cell_id id, bool ahead_only)
     if (!hw_hexgrid_contains(grid, id))
         return;
     for (uint32_t i = 0; i < p->candidate_count; i++)
-        if (p->candidates[i].id.q == id.q && p->candidates[i].id.r == id.r)
+        if (is_same(p->candidates[i].id, id))
             return;
     hw_vec3 centre = hw_cell_centre(grid, id), to = horizontal(hw_v3_sub(centre, p->view.eye));
-    if (ahead_only && (double)hw_v3_dot(p->view.motion, to) < SECOND_RING_COS)
+    uint32_t shown = find_shown(p, id);
+    if (ahead_only && !shown && (double)hw_v3_dot(p->view.motion, to) < SECOND_RING_COS)
         return;
     hw_vec3 entry = hw_prefetch_entry(grid, id, p->view.eye);
     double distance = hw_prefetch_distance(&p->view, grid, id);
-    double priority = PRIORITY_HERE;
-    if (p->candidate_count > 0)
-        priority = hw_prefetch_priority(&p->view, centre, distance, grid->cell_size);
-    p->candidates[p->candidate_count++] = (candidate){id, priority, entry};
+    double priority = hw_prefetch_priority(&p->view, centre, distance, grid->cell_size);
+    if (p->candidate_count == 0)
+        priority = PRIORITY_HERE;
+    else if (shown)
+        priority =
+            fmin(fmax(priority, PRIORITY_SHOWN * share_after(p, way_to(p, shown))), PRIORITY_SHOWN);
+    p->candidates[p->candidate_count++] = (candidate){id, priority, entry, shown};
 }
 
 static void find_candidates(hw_prefetch *p)
@@ -209,16 +264,16 @@ static void find_candidates(hw_prefetch *p)
 // ---- plans -----------------------------------------------------------------------------------
 
 // Adds an entry, or raises the priority of one with its key.
-static void plan(plan_entry *entries, uint32_t *count, uint32_t capacity, const plan_entry *add)
+static void plan(hw_prefetch *p, const plan_entry *add)
 {
-    for (uint32_t i = 0; i < *count; i++) {
-        if (!hw_data_key_equal(entries[i].key, add->key))
+    for (uint32_t i = 0; i < p->plan_count; i++) {
+        if (!hw_data_key_equal(p->plan[i].key, add->key))
             continue;
-        entries[i].priority = fmax(entries[i].priority, add->priority);
+        p->plan[i].priority = fmax(p->plan[i].priority, add->priority);
         return;
     }
-    if (*count < capacity)
-        entries[(*count)++] = *add;
+    if (p->plan_count < PLAN_MAX)
+        p->plan[p->plan_count++] = *add;
 }
 
 // Heap sort, most urgent first: qsort may allocate.
@@ -249,15 +304,9 @@ static void sort_plan(plan_entry *entries, uint32_t count)
     }
 }
 
-static void want(hw_prefetch *p, const plan_entry *e, hw_store_place place)
-{
-    hw_store_want(p->store, e->key, (double)p->timestamp + e->priority, place);
-}
-
 // The candidates and the groups that hold them.
 static void plan_cells(hw_prefetch *p)
 {
-    p->cell_count = 0;
     for (uint32_t i = 0; i < p->candidate_count; i++) {
         hw_cell_id id = p->candidates[i].id;
         for (int32_t l = 0; l < p->manifest->grid.levels; l++, id = hw_cell_parent(id)) {
@@ -265,33 +314,9 @@ static void plan_cells(hw_prefetch *p)
             if (!hw_manifest_find_cell(p->manifest, id, &e.key.index))
                 continue;
             e.gpu_bytes = hw_store_cell_gpu_bytes(p->store, e.key.index);
-            plan(p->cells, &p->cell_count, PLAN_CELLS_MAX, &e);
+            plan(p, &e);
         }
     }
-    sort_plan(p->cells, p->cell_count);
-}
-
-// As many as the budgets hold, in order: first for the GPU, then for memory. Returns the bytes on
-// the GPU.
-static uint64_t want_cells(hw_prefetch *p)
-{
-    uint64_t gpu_limit = (uint64_t)(CELLS_GPU_SHARE * (double)hw_store_gpu_budget(p->store));
-    uint64_t ram_limit = (uint64_t)(CELLS_RAM_SHARE * (double)hw_store_ram_budget(p->store));
-    uint64_t gpu = 0, ram = 0;
-    for (uint32_t i = 0; i < p->cell_count; i++) {
-        const plan_entry *e = &p->cells[i];
-        bool here = e->priority >= PRIORITY_HERE;
-        if (here || (ram == 0 && gpu + e->gpu_bytes <= gpu_limit)) {
-            gpu += e->gpu_bytes;
-            want(p, e, here ? HW_PLACE_NOW : HW_PLACE_GPU);
-            continue;
-        }
-        ram += hw_store_cell_ram_bytes(p->store, e->key.index);
-        if (ram > ram_limit)
-            break;
-        want(p, e, HW_PLACE_RAM);
-    }
-    return gpu;
 }
 
 uint32_t hw_prefetch_level(const hw_mesh_table *table, double near_error_px, double focal_px,
@@ -302,67 +327,145 @@ uint32_t hw_prefetch_level(const hw_mesh_table *table, double near_error_px, dou
     return hw_mesh_table_choose(table, near_error_px * distance / focal_px / stretch);
 }
 
-// The levels that an object may need from its cell's entry on.
-static void plan_levels(hw_prefetch *p, const candidate *c, uint32_t object_idx, double focal_px)
+// An object that is near in a candidate.
+typedef struct near_object {
+    const hw_manifest_object *object;
+    const hw_mesh_table *table;
+    double stretch;
+} near_object;
+
+static uint32_t level_at(const hw_prefetch *p, const near_object *n, double distance)
 {
-    const hw_manifest_object *object = &p->manifest->objects[object_idx];
-    const hw_mesh_table *table = hw_store_table(p->store, object->mesh_idx);
-    plan_entry e = {.key = {HW_DATA_MESH, object->mesh_idx, 0}, .priority = c->priority};
-    if (!table) {
-        want(p, &e, HW_PLACE_GPU);
-        return;
-    }
-    double error_px = p->near_error_px, stretch = (double)p->stretch[object_idx];
-    double distance = (double)hw_box_distance(object->bounds, c->entry);
-    double ahead = fmin(fmax(p->view.speed * AHEAD_S, AHEAD_LEAST), AHEAD_MOST);
-    uint32_t now = hw_prefetch_level(table, error_px, focal_px, stretch, distance);
-    uint32_t first = hw_prefetch_level(table, error_px, focal_px, stretch, distance - ahead);
-    uint32_t last = hw_prefetch_level(table, error_px, focal_px, stretch, distance + ahead);
-    for (uint32_t l = first; l <= last; l++) {
-        uint32_t away = l < now ? now - l : l - now;
-        e.key = (hw_data_key){HW_DATA_LEVEL, object->mesh_idx, l};
-        e.priority = c->priority * (1 - 0.1 * fmin(away, 5));
-        e.gpu_bytes = table->gpu_bytes[l];
-        plan(p->near, &p->near_count, PLAN_NEAR_MAX, &e);
-    }
-    // The coarsest, to fall back on.
-    e.key.level = table->level_count - 1;
-    e.priority = c->priority < PRIORITY_HERE ? c->priority : PRIORITY_MUST;
-    e.gpu_bytes = table->gpu_bytes[e.key.level];
-    plan(p->near, &p->near_count, PLAN_NEAR_MAX, &e);
+    return hw_prefetch_level(n->table, p->near_error_px, p->focal_px, n->stretch, distance);
 }
 
-static void plan_near(hw_prefetch *p, double focal_px)
+static void plan_level(hw_prefetch *p, const near_object *n, uint32_t level, double priority)
+{
+    const plan_entry e = {.key = {HW_DATA_LEVEL, n->object->mesh_idx, level},
+                          .priority = priority,
+                          .gpu_bytes = n->table->gpu_bytes[level]};
+    plan(p, &e);
+}
+
+// The levels from one distance to another.
+static void plan_range(hw_prefetch *p, const near_object *n, double from, double to,
+                       double priority)
+{
+    uint32_t end = level_at(p, n, fmax(from, to));
+    for (uint32_t l = level_at(p, n, fmin(from, to)); l <= end; l++)
+        plan_level(p, n, l, priority);
+}
+
+static double distance_from(const near_object *n, hw_vec3 eye)
+{
+    return (double)hw_box_distance(n->object->bounds, eye);
+}
+
+// Where frames begin to show a cell with this entry.
+static hw_vec3 find_strip(const hw_prefetch *p, hw_vec3 entry)
+{
+    double strip = p->crossing_width * p->manifest->grid.cell_size;
+    hw_vec3 back = hw_v3_sub(p->view.eye, entry);
+    double away = (double)hw_v3_length(back);
+    return away > strip ? hw_v3_mad(entry, back, (float)(strip / away)) : p->view.eye;
+}
+
+// The levels that frames will choose: round the present one, and on the way. Elsewhere those for
+// the shortest way in.
+static void plan_levels(hw_prefetch *p, const candidate *c, const near_object *n)
+{
+    double here = distance_from(n, p->view.eye);
+    if (!c->shown) {
+        plan_range(p, n, distance_from(n, find_strip(p, c->entry)), distance_from(n, c->entry),
+                   c->priority);
+        return;
+    }
+    double start = way_to(p, c->shown), last = here;
+    if (c->shown & 1) {
+        plan_level(p, n, level_at(p, n, here), c->priority);
+        plan_range(p, n, fmax(here - AROUND, fmin(here, 1)), here + AROUND,
+                   c->priority * AROUND_SHARE);
+    }
+    for (uint32_t i = 1; i < WAY_POINTS; i++) {
+        // No one walks through it.
+        double distance = fmax(distance_from(n, p->way[i]), fmin(here, AROUND));
+        double way = fmax(p->view.speed * way_seconds[i - 1] - start, 0);
+        if (way > p->view.speed * AHEAD_S)
+            return;
+        if (c->shown >> i & 1) // somewhere between the points it began to be
+            plan_range(p, n, last, distance, c->priority * share_after(p, way));
+        last = distance;
+    }
+}
+
+// What the candidate needs of an object that is near in it.
+static void plan_object(hw_prefetch *p, const candidate *c, uint32_t object_idx)
+{
+    const hw_manifest_object *object = &p->manifest->objects[object_idx];
+    double first = c->priority < PRIORITY_HERE ? c->priority + BEFORE : PRIORITY_MUST;
+    near_object n = {.object = object,
+                     .table = hw_store_table(p->store, object->mesh_idx),
+                     .stretch = (double)p->stretch[object_idx]};
+    plan_entry e = {.key = {HW_DATA_MESH, object->mesh_idx, 0}, .priority = first};
+    if (n.table) {
+        plan_level(p, &n, n.table->level_count - 1, first); // to fall back on
+        plan_levels(p, c, &n);
+    } else {
+        plan(p, &e);
+    }
+    if (object->texture_idx >= 0) {
+        e.key = (hw_data_key){HW_DATA_TEXTURE, (uint32_t)object->texture_idx, 0};
+        plan(p, &e);
+    }
+}
+
+static void plan_near(hw_prefetch *p)
 {
     uint32_t index;
-    p->near_count = 0;
     for (uint32_t i = 0; i < p->candidate_count; i++) {
         const candidate *c = &p->candidates[i];
         if (!hw_manifest_find_cell(p->manifest, c->id, &index))
             continue;
         const hw_cell_records *records = hw_store_records(p->store, index);
-        for (uint32_t k = 0; records && k < records->near_count; k++) {
-            uint32_t object_idx = records->near[k].object_idx;
-            int32_t texture = p->manifest->objects[object_idx].texture_idx;
-            plan_entry e = {.key = {HW_DATA_TEXTURE, (uint32_t)texture, 0},
-                            .priority = c->priority < PRIORITY_HERE ? c->priority : PRIORITY_MUST};
-            plan_levels(p, c, object_idx, focal_px);
-            if (texture >= 0)
-                plan(p->near, &p->near_count, PLAN_NEAR_MAX, &e);
-        }
+        for (uint32_t k = 0; records && k < records->near_count; k++)
+            plan_object(p, c, records->near[k].object_idx);
     }
-    sort_plan(p->near, p->near_count);
 }
 
-static void want_near(hw_prefetch *p, uint64_t cell_bytes)
+// ---- wishes ----------------------------------------------------------------------------------
+
+static void want(hw_prefetch *p, const plan_entry *e, hw_store_place place)
 {
-    uint64_t bytes = cell_bytes, budget = hw_store_gpu_budget(p->store);
-    for (uint32_t i = 0; i < p->near_count; i++) {
-        bool must = p->near[i].priority >= PRIORITY_MUST;
-        bytes += p->near[i].gpu_bytes;
-        if (bytes > budget && !must)
-            return;
-        want(p, &p->near[i], must ? HW_PLACE_NOW : HW_PLACE_GPU);
+    hw_store_want(p->store, e->key, (double)p->timestamp + e->priority, place);
+}
+
+static bool is_cell(const plan_entry *e)
+{
+    return e->key.kind == HW_DATA_CELL;
+}
+
+static bool is_indispensable(const plan_entry *e)
+{
+    return e->priority >= (is_cell(e) ? PRIORITY_HERE : PRIORITY_MUST);
+}
+
+// As much as the GPU's budget holds, in order; of the cells that it does not, as many as there is
+// memory for.
+static void want_plan(hw_prefetch *p)
+{
+    uint64_t gpu_budget = hw_store_gpu_budget(p->store), gpu = 0, ram = 0;
+    uint64_t ram_limit = (uint64_t)(CELLS_RAM_SHARE * (double)hw_store_ram_budget(p->store));
+    for (uint32_t i = 0; i < p->plan_count; i++) {
+        const plan_entry *e = &p->plan[i];
+        bool must = is_indispensable(e), later = is_cell(e) && ram > 0;
+        if (must || (!later && gpu + e->gpu_bytes <= gpu_budget)) {
+            gpu += e->gpu_bytes;
+            want(p, e, must ? HW_PLACE_NOW : HW_PLACE_GPU);
+        } else if (is_cell(e) && ram <= ram_limit) {
+            ram += hw_store_cell_ram_bytes(p->store, e->key.index);
+            if (ram <= ram_limit)
+                want(p, e, HW_PLACE_RAM);
+        }
     }
 }
 
@@ -378,11 +481,14 @@ void hw_prefetch_update(hw_prefetch *prefetch, const hw_camera *camera, double n
     p->plan_s = now_s;
     p->news = news;
     hw_store_set_timestamp(p->store, p->timestamp);
+    p->plan_count = 0;
+    p->focal_px = hw_camera_focal_px(camera);
+    find_way(p);
     find_candidates(p);
     plan_cells(p);
-    uint64_t cell_bytes = want_cells(p);
-    plan_near(p, hw_camera_focal_px(camera));
-    want_near(p, cell_bytes);
+    plan_near(p);
+    sort_plan(p->plan, p->plan_count);
+    want_plan(p);
 }
 
 void hw_prefetch_set_error(hw_prefetch *prefetch, double error_px)
@@ -398,7 +504,7 @@ void hw_prefetch_urge(hw_prefetch *prefetch, hw_data_key key)
 // ---- making and freeing ----------------------------------------------------------------------
 
 hw_status hw_prefetch_create(hw_store *store, const hw_manifest *manifest, const float *stretch,
-                             hw_prefetch **out)
+                             double crossing_width, hw_prefetch **out)
 {
     hw_prefetch *p = NULL;
     *out = NULL;
@@ -406,6 +512,7 @@ hw_status hw_prefetch_create(hw_store *store, const hw_manifest *manifest, const
     p->store = store;
     p->manifest = manifest;
     p->stretch = stretch;
+    p->crossing_width = crossing_width;
     p->near_error_px = manifest->near_error_px;
     *out = p;
     return HW_OK;

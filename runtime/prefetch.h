@@ -31,9 +31,10 @@ double hw_prefetch_distance(const hw_prefetch_view *view, const hw_hexgrid *grid
 
 typedef struct hw_prefetch hw_prefetch;
 // Borrows store and manifest. stretch: per object, the factor by which its transform stretches
-// lengths.
+// lengths. crossing_width: of the strips in which cells dissolve into each other (crossing.h).
 HW_MUST_USE hw_status hw_prefetch_create(hw_store *store, const hw_manifest *manifest,
-                                         const float *stretch, hw_prefetch **out);
+                                         const float *stretch, double crossing_width,
+                                         hw_prefetch **out);
 void hw_prefetch_destroy(hw_prefetch *prefetch);
 // Once a frame, after hw_store_begin_frame: follows the viewer, and wishes for what it may need.
 void hw_prefetch_update(hw_prefetch *prefetch, const hw_camera *camera, double now_s);

@@ -32,6 +32,7 @@ typedef struct hw_stream_stats {
     uint32_t late_cells; // levels of the hierarchy drawn from another place's cell in this frame
     uint32_t queued;     // pieces wished for and under way
     uint64_t gpu_bytes, gpu_budget, ram_bytes, ram_budget;
+    uint64_t ram_bytes_peak;             // since the start, also between frames
     uint64_t read_bytes, uploaded_bytes; // since the start
     double waited_ms;                    // simulated waiting in this frame
     uint32_t problem_count;              // pieces that could not be loaded, since the start

@@ -6,7 +6,8 @@
 #include <string.h>
 
 #define ACTIVE_MAX   4096u // items that are not away
-#define WAIT_FIRST_S 0.5   // after a failure, doubled with each
+#define PATIENCE     4u // frames: what was drawn before the viewer came here is soon in use no more
+#define WAIT_FIRST_S 0.5 // after a failure, doubled with each
 #define WAIT_MOST_S  30.0
 
 // What becomes of a file's bytes on the GPU, until some cells have shown it.
@@ -42,6 +43,7 @@ struct hw_store {
         hw_upload upload;
     } uploads[UPLOADS];
     uint64_t frame, timestamp, gpu_bytes, uploaded_bytes;
+    uint32_t patience; // frames for which something indispensable has found no room on the GPU
     double now_s;
     uint64_t seen_file_bytes, seen_gpu_bytes, seen_ram_bytes; // of cells that came
     uint32_t news, problem_count;
@@ -161,26 +163,36 @@ static bool make_gpu_room(hw_store *s, uint64_t bytes, double stamp)
     return true;
 }
 
-// Plans leave half of the memory budget to what comes and goes. What they name no more goes when
-// that is short; what they name, only when there is nothing left of it.
-static void keep_ram_budget(hw_store *s)
+// The item in memory that was wanted longest ago, and before `stamp`. *bytes: of all of them.
+static hw_item *find_oldest_in_ram(hw_store *s, double stamp, uint64_t *bytes)
 {
-    while (true) {
-        uint64_t bytes = 0;
-        hw_item *oldest = NULL;
-        for (uint32_t i = 0; i < s->active_count; i++) {
-            hw_item *item = s->active[i];
-            if (item->state != HW_ITEM_IN_RAM)
-                continue;
-            bytes += item->loaded->ram_bytes;
-            if (!oldest || item->stamp < oldest->stamp)
-                oldest = item;
-        }
-        bool planned = oldest && oldest->stamp >= (double)s->timestamp;
-        if (!oldest || bytes <= (planned ? s->ram_budget : s->ram_budget / 2))
-            return;
-        send_away(s, oldest);
+    hw_item *oldest = NULL;
+    *bytes = 0;
+    for (uint32_t i = 0; i < s->active_count; i++) {
+        hw_item *item = s->active[i];
+        if (item->state != HW_ITEM_IN_RAM)
+            continue;
+        *bytes += item->loaded->ram_bytes;
+        if (item->stamp < stamp && (!oldest || item->stamp < oldest->stamp))
+            oldest = item;
     }
+    return oldest;
+}
+
+// Plans leave half of the memory budget to what comes and goes: what they name no more goes when
+// that is short. And what the loader could not begin for want of room pushes out what is less
+// urgent.
+static void make_ram_room(hw_store *s)
+{
+    double priority;
+    uint64_t bytes;
+    hw_item *oldest;
+    while ((oldest = find_oldest_in_ram(s, (double)s->timestamp, &bytes)) &&
+           bytes > s->ram_budget / 2)
+        send_away(s, oldest);
+    while (hw_loader_lacks(s->loader, &priority) > 0 &&
+           (oldest = find_oldest_in_ram(s, priority, &bytes)))
+        send_away(s, oldest);
 }
 
 // ---- uploads ---------------------------------------------------------------------------------
@@ -307,8 +319,11 @@ static bool start_upload(hw_store *s, int sort)
     const hw_item *running = s->uploads[UPLOAD_CELL].item;
     if (sort == UPLOAD_URGENT && (!item || !running || running->stamp >= item->stamp))
         return false;
-    if (!item ||
-        (!make_gpu_room(s, bytes_on_gpu(s, item), item->stamp) && item->place != HW_PLACE_NOW))
+    if (!item)
+        return false;
+    if (make_gpu_room(s, bytes_on_gpu(s, item), item->stamp))
+        s->patience = 0;
+    else if (item->place != HW_PLACE_NOW || s->patience++ < PATIENCE)
         return false;
     if (begin_upload(s, item, &s->uploads[sort].upload) == HW_OK)
         s->uploads[sort].item = item;
@@ -394,7 +409,7 @@ void hw_store_begin_frame(hw_store *store, double now_s, bool hurry)
     while ((loaded = hw_loader_take(store->loader)))
         take_loaded(store, loaded);
     run_uploads(store, hurry);
-    keep_ram_budget(store);
+    make_ram_room(store);
 }
 
 void hw_store_simulate(hw_store *store, double now_s)
@@ -588,6 +603,7 @@ hw_store_stats hw_store_get_stats(const hw_store *store)
     return (hw_store_stats){.gpu_bytes = store->gpu_bytes,
                             .gpu_budget = store->gpu_budget,
                             .ram_bytes = loader.ram_bytes,
+                            .ram_bytes_peak = loader.ram_peak,
                             .ram_budget = store->ram_budget,
                             .read_bytes = loader.bytes,
                             .uploaded_bytes = store->uploaded_bytes,

@@ -1,6 +1,10 @@
 // What of a dataset is in memory and on the GPU: cells, levels of near meshes, textures. Within
 // budgets: what was wanted longest ago goes first. GL thread only.
 //
+// The memory budget is for what waits there, decoded, for the GPU (loader.h); a piece larger than
+// all of it comes alone. The GPU's budget is exceeded by what a frame cannot be drawn without
+// (HW_PLACE_NOW), if all else there is being drawn for some frames, and by that alone.
+//
 // Either pieces are loaded when they are needed (hw_store_need, which waits); or they are wished
 // for (hw_store_want), come from the loader some frames later, and reach the GPU under a budget of
 // bytes per frame: then nothing here waits, reads a file or allocates.
@@ -11,7 +15,7 @@
 #define HW_STORE_GPU_WAITING                                                                       \
     UINT64_C(20000000) // the same where nothing is streamed: RGBA in software GL
 #define HW_STORE_RAM_BUDGET  UINT64_C(4000000)
-#define HW_STORE_FRAME_BYTES (UINT64_C(1) << 20)
+#define HW_STORE_FRAME_BYTES (UINT64_C(1) << 19)
 
 typedef struct hw_store_desc {
     const char *location; // folder or URL
@@ -75,6 +79,7 @@ GLuint hw_store_texture(hw_store *store, int32_t texture_idx);
 
 typedef struct hw_store_stats {
     uint64_t gpu_bytes, gpu_budget, ram_bytes, ram_budget;
+    uint64_t ram_bytes_peak; // since the start, also between frames
     uint64_t read_bytes;     // since the start
     uint64_t uploaded_bytes; // since the start
     uint32_t queued;         // wishes and reads under way

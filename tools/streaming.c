@@ -75,8 +75,7 @@ static void note_frame(hw_streaming_run *run, uint32_t frame, const hw_frame_sta
     run->bytes = s->read_bytes;
     if (s->gpu_bytes > run->gpu_bytes_peak)
         run->gpu_bytes_peak = s->gpu_bytes;
-    if (s->ram_bytes > run->ram_bytes_peak)
-        run->ram_bytes_peak = s->ram_bytes;
+    run->ram_bytes_peak = s->ram_bytes_peak;
     if (frame == 0)
         return;
     run->stalls += stats->stalls > 0;
