@@ -6,6 +6,7 @@
 
 #define SIDE      64u       // voxels along the longest axis
 #define SEEDS     31u       // one voxel in so many is where a box may begin to grow
+#define LEAP      4u        // layers that a box grows by at first
 #define SHARE_MIN 1 / 2000. // of all voxels that a further box must add
 #define SPLITS    14        // of a triangle, at most, until it is as small as a voxel
 
@@ -222,19 +223,31 @@ static uint32_t sum_in(const voxels *v, const range *r)
     return sum;
 }
 
-// Grows a box by a layer on each side in turn for as long as it stays inside the mesh.
+// The box with `layers` more on a side, if there is room for them within the voxels.
+static bool extend(const voxels *v, int side, uint32_t layers, range *r)
+{
+    int k = side / 2;
+    if (side % 2 ? r->low[k] < layers : r->high[k] + layers > v->n[k])
+        return false;
+    if (side % 2)
+        r->low[k] -= layers;
+    else
+        r->high[k] += layers;
+    return true;
+}
+
+// Grows a box on each side in turn, by fewer and fewer layers, for as long as it stays inside the
+// mesh.
 static range grow(const voxels *v, range r)
 {
-    bool grown = true;
-    while (grown) {
-        grown = false;
-        for (int k = 0; k < 6; k++) {
-            range next = r;
-            if (k % 2)
-                next.low[k / 2]--;
-            else
-                next.high[k / 2]++;
-            if (sum_in(v, &next) == 0) {
+    for (uint32_t layers = LEAP; layers > 0; layers /= 2) {
+        bool grown = true;
+        while (grown) {
+            grown = false;
+            for (int side = 0; side < 6; side++) {
+                range next = r;
+                if (!extend(v, side, layers, &next) || sum_in(v, &next) != 0)
+                    continue;
                 r = next;
                 grown = true;
             }
@@ -248,6 +261,13 @@ static uint32_t volume(const range *r)
     return (r->high[0] - r->low[0]) * (r->high[1] - r->low[1]) * (r->high[2] - r->low[2]);
 }
 
+static bool holds(const range *r, uint32_t x, uint32_t y, uint32_t z)
+{
+    return x >= r->low[0] && x < r->high[0] && y >= r->low[1] && y < r->high[1] && z >= r->low[2] &&
+           z < r->high[2];
+}
+
+// Seeds inside the largest box so far would mostly grow to much the same one.
 static range largest_from_seeds(const voxels *v)
 {
     range best = {{0}, {0}};
@@ -255,7 +275,8 @@ static range largest_from_seeds(const voxels *v)
         for (uint32_t y = 0; y < v->n[1]; y++)
             for (uint32_t x = 0; x < v->n[0]; x++) {
                 // On a lattice that every layer of voxels has its share of.
-                if (v->marks[at(v, x, y, z)] != 0 || (x + 5 * y + 11 * z) % SEEDS != 0)
+                if (v->marks[at(v, x, y, z)] != 0 || (x + 5 * y + 11 * z) % SEEDS != 0 ||
+                    holds(&best, x, y, z))
                     continue;
                 range r = grow(v, (range){{x, y, z}, {x + 1, y + 1, z + 1}});
                 if (volume(&r) > volume(&best))
