@@ -65,9 +65,9 @@ typedef struct hw_renderer_desc {
 
 #define HW_NEAR_TRIANGLES 100000u
 
-// Nine units to each side of a border, in cells of 50: 18 frames of the default tour.
+// 13.5 units to each side of a border, in cells of 50: 27 frames of the default tour.
 // Wider strips show cells from farther outside, which costs PSNR; narrower ones jump more.
-#define HW_CROSSING_WIDTH 0.18
+#define HW_CROSSING_WIDTH 0.27
 
 typedef struct hw_renderer hw_renderer;
 HW_MUST_USE hw_status hw_renderer_create(const hw_renderer_desc *desc, hw_renderer **out);

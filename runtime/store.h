@@ -11,7 +11,7 @@
 #pragma once
 #include "loader.h"
 
-#define HW_STORE_GPU_BUDGET UINT64_C(13000000)
+#define HW_STORE_GPU_BUDGET UINT64_C(16000000)
 #define HW_STORE_GPU_WAITING                                                                       \
     UINT64_C(20000000) // the same where nothing is streamed: RGBA in software GL
 #define HW_STORE_RAM_BUDGET  UINT64_C(4000000)
