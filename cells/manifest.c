@@ -226,6 +226,7 @@ static cJSON *to_json(const hw_manifest *m)
     add_whole(json, "texture_bytes", m->texture_bytes);
     add_whole(json, "near_bytes", m->near_bytes);
     cJSON_AddBoolToObject(json, "clusters", m->clusters);
+    cJSON_AddBoolToObject(json, "multi_view", m->multi_view);
     add_grid(json, &m->grid);
     add_ground(json, &m->ground);
     add_whole(json, "mesh_count", m->mesh_count);
@@ -389,13 +390,11 @@ static hw_status get_shard(const char *name, const cJSON *json, hw_manifest *out
     return hw_json_number(name, json, "seconds", &out->build_seconds);
 }
 
-// Older manifests do not tell.
-static hw_status get_clusters(const char *name, const cJSON *json, hw_manifest *out)
+// What a dataset may have. Older manifests do not tell.
+static hw_status get_possible(const char *name, const cJSON *json, const char *member, bool *out)
 {
-    out->clusters = true;
-    return cJSON_HasObjectItem(json, "clusters")
-               ? hw_json_bool(name, json, "clusters", &out->clusters)
-               : HW_OK;
+    *out = true;
+    return cJSON_HasObjectItem(json, member) ? hw_json_bool(name, json, member, out) : HW_OK;
 }
 
 static hw_status get_head(const char *name, const cJSON *json, hw_manifest *out)
@@ -417,7 +416,8 @@ static hw_status get_head(const char *name, const cJSON *json, hw_manifest *out)
     HW_TRY(get_whole(name, json, "mesh_bytes", &out->mesh_bytes));
     HW_TRY(get_whole(name, json, "texture_bytes", &out->texture_bytes));
     HW_TRY(get_whole(name, json, "near_bytes", &out->near_bytes));
-    HW_TRY(get_clusters(name, json, out));
+    HW_TRY(get_possible(name, json, "clusters", &out->clusters));
+    HW_TRY(get_possible(name, json, "multi_view", &out->multi_view));
     HW_TRY(get_u32(name, json, "mesh_count", &out->mesh_count));
     return get_u32(name, json, "texture_count", &out->texture_count);
 }

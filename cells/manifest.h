@@ -37,6 +37,7 @@ typedef struct hw_manifest {
     hw_manifest_object *objects;
     hw_manifest_cell *cells;
     bool clusters;                     // far records may stand for several objects
+    bool multi_view;                   // far records may have further captures
     uint32_t shard_index, shard_count; // of a shard's manifest (shard.h); count 0: of the whole
 } hw_manifest;
 

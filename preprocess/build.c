@@ -620,6 +620,17 @@ static hw_status fill_objects(const build *b, hw_manifest *m)
     return HW_OK;
 }
 
+// Whether objects may be MVMeshes (svmesh.h).
+static bool may_have_views(const build *b)
+{
+    const hw_far_options *o = &b->options->far;
+    bool textured = false;
+    for (uint32_t i = 0; i < b->scene.mesh_count; i++)
+        textured = textured || b->scene.meshes[i].uvs;
+    return o->multi_view_px > o->self_occlusion_px ||
+           (textured && o->multi_textured_px > o->self_occlusion_px);
+}
+
 static hw_status write_manifest(build *b, double start_ms)
 {
     hw_status status = HW_OK;
@@ -644,6 +655,7 @@ static hw_status write_manifest(build *b, double start_ms)
     m.scene_hash = b->scene_hash;
     m.key = b->key;
     m.clusters = o->clusters;
+    m.multi_view = may_have_views(b);
     m.scene_triangles = hw_scene_triangle_count(&b->scene);
     m.self_occlusion_px = o->far.self_occlusion_px;
     m.edge_length_px = o->far.edge_length_px;

@@ -276,22 +276,15 @@ static void resolve_texel(const texel_sum *sum, size_t texel, hw_capture *out)
 }
 
 // Four rays tell the colour of a texel within an outline as well as more do; where an outline
-// passes, more tell how much is covered. The four of a grid of 4 x 4 lie in different rows and
-// columns.
+// passes, more tell how much is covered. The first four of a grid of 4 x 4 lie in different rows
+// and columns.
 static void set_up_order(row_job *job)
 {
-    static const uint32_t four[4] = {1, 7, 8, 14};
-    uint32_t all = job->samples * job->samples, n = 0;
+    static const uint8_t four_by_four[16] = {1, 7, 8, 14, 0, 2, 3, 4, 5, 6, 9, 10, 11, 12, 13, 15};
+    uint32_t all = job->samples * job->samples;
     job->first_count = job->samples == 4 ? 4 : all;
-    for (uint32_t k = 0; k < 4 && job->samples == 4; k++)
-        job->order[n++] = four[k];
-    for (uint32_t k = 0; k < all; k++) {
-        bool placed = false;
-        for (uint32_t m = 0; m < 4 && job->samples == 4; m++)
-            placed = placed || k == four[m];
-        if (!placed)
-            job->order[n++] = k;
-    }
+    for (uint32_t k = 0; k < all; k++)
+        job->order[k] = job->samples == 4 ? four_by_four[k] : k;
 }
 
 static hw_status set_up_job(row_job *job, const hw_capturer *capturer, uint32_t object_idx,

@@ -1,6 +1,7 @@
 #include "deviation.h"
 #include "alloc.h"
 #include "appearance.h"
+#include "compare.h"
 #include "surface_sampler.h"
 #include <stdlib.h>
 #include <string.h>
@@ -56,7 +57,7 @@ static float luma(const hw_mesh *mesh, uint32_t vertex)
     if (!mesh->colors)
         return 1;
     hw_color8 c = mesh->colors[vertex];
-    return (0.299f * (float)c.r + 0.587f * (float)c.g + 0.114f * (float)c.b) / 255;
+    return hw_luma_of(c.r, c.g, c.b) / 255;
 }
 
 // The light comes from one side always; but objects stand turned.

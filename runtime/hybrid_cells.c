@@ -248,16 +248,11 @@ hw_status hw_hybrid_find_cells(hybrid *h, const hw_camera *camera, hw_frame_stat
         out->crossing = hw_crossing_at(&h->manifest.grid, id, camera->eye, h->crossing_width);
     HW_TRY(find_chains(h, id, own, stats, out));
     size_t near = 0, far = 0;
-    bool views = false;
     for (uint32_t i = 0; i < out->crossing.count; i++) {
         near += out->chains[i][0]->records->near_count;
-        for (int32_t l = 0; l < h->manifest.grid.levels; l++) {
-            const hw_cell_records *records = out->chains[i][l]->records;
-            far += hw_hybrid_page_count(records->far_count) * HW_FAR_PAGE_RECORDS;
-            views = views || records->multi_count > 0;
-        }
+        for (int32_t l = 0; l < h->manifest.grid.levels; l++)
+            far +=
+                hw_hybrid_page_count(out->chains[i][l]->records->far_count) * HW_FAR_PAGE_RECORDS;
     }
-    if (views)
-        HW_TRY(hw_hybrid_need_views(h));
     return hw_hybrid_reserve_scratch(h, near, far);
 }

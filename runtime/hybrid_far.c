@@ -28,18 +28,8 @@ hw_status hw_hybrid_make_far(hybrid *h)
     for (int i = 0; i < 2; i++)
         for (int phase = 0; phase < HW_PHASES; phase++)
             HW_TRY(make_far_program(far_defines[i][phase], &h->far_programs[i][phase]));
-    return HW_OK;
-}
-
-// Most datasets have no MVMeshes, and programs take memory.
-hw_status hw_hybrid_need_views(hybrid *h)
-{
-    if (h->has_views)
-        return HW_OK;
-    HW_TRY(hw_far_views_gl_create(&h->far_views));
-    hw_gpu_release_compiler();
-    h->has_views = true;
-    return HW_OK;
+    // Programs take memory: megabytes of it in software GL.
+    return h->manifest.multi_view ? hw_far_views_gl_create(&h->far_views) : HW_OK;
 }
 
 // Ranges of indices of one vertex array that go into one call.

@@ -58,8 +58,7 @@ typedef struct hybrid {
     hw_ground_gl ground;
     near_program near_programs[2][HW_PHASES]; // without and with a texture
     far_program far_programs[2][HW_PHASES];   // opaque, cut out
-    hw_far_views_gl far_views;                // made when the first MVMesh shows
-    bool has_views;
+    hw_far_views_gl far_views;                // if there may be MVMeshes
     double crossing_width;
     uint32_t turns;          // in which objects dissolve
     uint32_t near_triangles; // budget
@@ -114,7 +113,5 @@ void hw_hybrid_hide_near(hybrid *h, const hw_camera *camera, uint32_t *count);
 uint32_t hw_hybrid_hide_far(hybrid *h, const hw_cell_gpu *cell, uint32_t *visible, uint32_t count);
 
 HW_MUST_USE hw_status hw_hybrid_make_far(hybrid *h);
-// What MVMeshes are drawn with, if it is not there yet.
-HW_MUST_USE hw_status hw_hybrid_need_views(hybrid *h);
 void hw_hybrid_draw_far(hybrid *h, const frame_cells *cells, hw_vec3 eye, const hw_mat4 *matrix,
                         const hw_frustum *frustum, hw_frame_stats *stats);

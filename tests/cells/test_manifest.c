@@ -62,6 +62,7 @@ static void assert_same(const hw_manifest *a, const hw_manifest *b)
     assert_close(a->build_seconds, b->build_seconds);
     assert_true(a->near_bytes == b->near_bytes);
     assert_int_equal(a->clusters, b->clusters);
+    assert_int_equal(a->multi_view, b->multi_view);
     assert_true(a->mesh_bytes == b->mesh_bytes && a->texture_bytes == b->texture_bytes);
     assert_same_grid(&a->grid, &b->grid);
     assert_memory_equal(&a->ground.rect, &b->ground.rect, sizeof a->ground.rect);
@@ -97,6 +98,7 @@ static void test_round_trip(void **state)
         if (i == 0)
             m.ground = (hw_ground){0};
         m.clusters = i % 2;
+        m.multi_view = i / 2;
         must(hw_manifest_write(FOLDER, &m));
         must(hw_manifest_read(FOLDER, &back));
         assert_same(&m, &back);
@@ -106,24 +108,28 @@ static void test_round_trip(void **state)
     hw_manifest_free(NULL);
 }
 
-// A manifest that does not say whether there are clusters may have some.
-static void test_clusters_unknown(void **state)
+// What a manifest does not tell to be absent may be there.
+static void test_possible_members(void **state)
 {
     (void)state;
+    static const char *const members[2] = {"\"clusters\"", "\"multi_view\""};
     size_t size = 0;
     write_sample();
-    uint8_t *text = read_bytes(PATH, &size);
-    uint8_t *member = memmem(text, size, "\"clusters\"", 10);
-    hw_manifest m;
-    assert_non_null(member);
-    must(hw_manifest_read(FOLDER, &m));
-    assert_false(m.clusters);
-    hw_manifest_free(&m);
-    member[1] = 'x';
-    must(hw_manifest_parse("text", (const char *)text, size, &m));
-    assert_true(m.clusters);
-    hw_manifest_free(&m);
-    hw_free(text);
+    for (int i = 0; i < 2; i++) {
+        uint8_t *text = read_bytes(PATH, &size);
+        char *member = memmem(text, size, members[i], strlen(members[i]));
+        hw_manifest m;
+        assert_non_null(member);
+        must(hw_manifest_read(FOLDER, &m));
+        assert_false(m.clusters || m.multi_view);
+        hw_manifest_free(&m);
+        member[1] = 'x';
+        must(hw_manifest_parse("text", (const char *)text, size, &m));
+        assert_int_equal(m.clusters, i == 0);
+        assert_int_equal(m.multi_view, i == 1);
+        hw_manifest_free(&m);
+        hw_free(text);
+    }
 }
 
 // The same bytes, in whatever order the cells are given.
@@ -400,7 +406,7 @@ static void test_shards(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_round_trip),       cmocka_unit_test(test_clusters_unknown),
+        cmocka_unit_test(test_round_trip),       cmocka_unit_test(test_possible_members),
         cmocka_unit_test(test_cells_are_sorted), cmocka_unit_test(test_damage),
         cmocka_unit_test(test_hostile_members),  cmocka_unit_test(test_wrong_folders),
         cmocka_unit_test(test_torture),          cmocka_unit_test(test_json_memory),

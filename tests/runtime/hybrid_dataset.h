@@ -130,6 +130,7 @@ static UNUSED void make_manifest(fixture *f)
     hw_manifest *m = &f->manifest;
     const hw_scene *s = &f->scene;
     m->near_error_px = NEAR_PX;
+    m->multi_view = true;
     assert_ok(hw_strdup(&m->scene_path, "/nowhere.glb"));
     assert_ok(hw_strdup(&m->policy, "by hand"));
     m->ground = s->ground;

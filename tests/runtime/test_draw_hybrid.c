@@ -273,6 +273,12 @@ static uint32_t count_wrong(fixture *f, hw_renderer *renderer, const hw_camera *
     return wrong;
 }
 
+static void set_multi_view(fixture *f, bool multi_view)
+{
+    f->manifest.multi_view = multi_view;
+    assert_ok(hw_manifest_write(f->folder, &f->manifest));
+}
+
 // Whatever captures see the triangles, the picture is the same; where none does, the colours of the
 // vertices show.
 static void test_views(void **state)
@@ -302,7 +308,16 @@ static void test_views(void **state)
         hw_renderer_destroy(renderer);
     }
     f->manifest.near_error_px = NEAR_PX;
-    assert_ok(hw_manifest_write(f->folder, &f->manifest));
+    // Of a dataset that is to have none, views are an error: what draws them is not there.
+    set_multi_view(f, false);
+    hw_renderer *renderer = open_renderer(f);
+    hw_camera camera = view(f, 0, 0, 0);
+    hw_frame_stats stats;
+    hw_target_bind(f->target);
+    assert_int_equal(hw_renderer_draw(renderer, &camera, &stats), HW_FORMAT);
+    assert_non_null(strstr(hw_error_text(), "views"));
+    hw_renderer_destroy(renderer);
+    set_multi_view(f, true);
     write_cell(f, home, true);
 }
 

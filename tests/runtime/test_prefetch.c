@@ -201,6 +201,18 @@ static void test_nothing_missing(void **state)
     hw_renderer_destroy(renderer);
 }
 
+// Stands where the walk is after t seconds; the last frame tells.
+static hw_frame_stats rest(const fixture *f, hw_renderer *renderer, double t, int frames)
+{
+    hw_camera camera = walk_camera(t);
+    hw_frame_stats stats = {0};
+    for (int i = 0; i < frames; i++) {
+        stats = draw(f, renderer, &camera);
+        hw_renderer_advance(renderer, FRAME);
+    }
+    return stats;
+}
+
 // The same walk, starved: every frame is whole, some with other data than wanted; a rest lets the
 // data catch up.
 static void test_late_data(void **state)
@@ -211,13 +223,7 @@ static void test_late_data(void **state)
     walked sum = walk(f, renderer, 10);
     assert_true(sum.late > 10);
     assert_true(sum.late < sum.frames);
-    hw_camera camera = walk_camera(10);
-    hw_frame_stats stats = {0};
-    for (int i = 0; i < 600; i++) {
-        stats = draw(f, renderer, &camera);
-        hw_renderer_advance(renderer, FRAME);
-    }
-    assert_int_equal(stats.stream.missing, 0);
+    assert_int_equal(rest(f, renderer, 10, 600).stream.missing, 0);
     hw_renderer_destroy(renderer);
 }
 
@@ -293,13 +299,7 @@ static void test_least_memory(void **state)
     const hw_streaming streaming = {.loading = HW_LOADING_SIMULATED, .ram_budget = 1};
     hw_renderer *renderer = open_renderer(f->dataset.folder, &streaming);
     walked sum = walk(f, renderer, 10);
-    hw_camera camera = walk_camera(10);
-    hw_frame_stats stats = {0};
-    for (int i = 0; i < 60; i++) {
-        stats = draw(f, renderer, &camera);
-        hw_renderer_advance(renderer, FRAME);
-    }
-    assert_int_equal(stats.stream.missing, 0);
+    assert_int_equal(rest(f, renderer, 10, 60).stream.missing, 0);
     assert_true(sum.ram_peak >= atlas && sum.ram_peak < 2 * atlas);
     hw_renderer_destroy(renderer);
 }
