@@ -170,3 +170,27 @@ void hw_mat4_to_float(const hw_mat4 *m, float out[16])
     for (int i = 0; i < 16; i++)
         out[i] = (float)m->m[i];
 }
+
+double hw_mat4_stretch(const hw_mat4 *m)
+{
+    double largest = 0;
+    for (int i = 0; i < 3; i++) {
+        double row = 0;
+        for (int j = 0; j < 3; j++) {
+            double dot = 0;
+            for (int k = 0; k < 3; k++)
+                dot += m->m[i * 4 + k] * m->m[j * 4 + k];
+            row += fabs(dot);
+        }
+        largest = fmax(largest, row);
+    }
+    return sqrt(largest);
+}
+
+bool hw_mat4_mirrors(const hw_mat4 *m)
+{
+    const double *a = m->m, *b = m->m + 4, *c = m->m + 8;
+    return a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0]) +
+               a[2] * (b[0] * c[1] - b[1] * c[0]) <
+           0;
+}

@@ -113,6 +113,11 @@ hw_mat4 hw_mat4_identity(void);
 hw_mat4 hw_mat4_mul(hw_mat4 a, hw_mat4 b);
 // False (and *out the identity) when singular.
 bool hw_mat4_inverse(hw_mat4 a, hw_mat4 *out);
+// The largest factor by which an affine matrix stretches a length: exact for rotations with uniform
+// scale, else an upper bound (Gershgorin's on A^T A).
+double hw_mat4_stretch(const hw_mat4 *m);
+// Whether it mirrors (determinant of the upper 3x3 below 0), so that front faces turn clockwise.
+bool hw_mat4_mirrors(const hw_mat4 *m);
 hw_mat4 hw_mat4_translation(double x, double y, double z);
 hw_mat4 hw_mat4_scale(double x, double y, double z);
 hw_mat4 hw_mat4_rotation_z(double angle_rad);

@@ -100,6 +100,21 @@ static double effective_distance(const double outline[6][2], const double centre
     return fmax(sqrt(6.0 * SPLIT * SPLIT / sum), nearest);
 }
 
+// Prism and box are both products of a polygon in x-y and an interval in z, so that the least
+// distance is made of the least distances of the factors.
+static double nearest_distance(const hw_hexgrid *grid, const double outline[6][2], hw_box box)
+{
+    return hypot(hexagon_to_rect(outline, box),
+                 gap(grid->z_min, grid->z_max, box.min.z, box.max.z));
+}
+
+double hw_region_nearest(const hw_hexgrid *grid, hw_cell_id id, hw_box box)
+{
+    double outline[6][2];
+    hw_cell_outline(grid, id, outline);
+    return nearest_distance(grid, (const double(*)[2])outline, box);
+}
+
 hw_region_distance hw_region_distance_to(const hw_hexgrid *grid, hw_cell_id id, hw_box box)
 {
     assert(!hw_box_is_empty(box));
@@ -108,11 +123,7 @@ hw_region_distance hw_region_distance_to(const hw_hexgrid *grid, hw_cell_id id, 
     hw_cell_outline(grid, id, outline);
     hw_cell_centre_2d(grid, id, centre);
     hw_region_distance out = {0};
-
-    // Prism and box are both products of a polygon in x-y and an interval in z, so that the least
-    // distance is made of the least distances of the factors.
-    double gap_z = gap(grid->z_min, grid->z_max, box.min.z, box.max.z);
-    out.nearest = hypot(hexagon_to_rect((const double(*)[2])outline, box), gap_z);
+    out.nearest = nearest_distance(grid, (const double(*)[2])outline, box);
 
     // The distance to a convex set is a convex function: over the prism it is largest at a corner.
     for (int i = 0; i < HW_CELL_CORNERS; i++) {

@@ -12,6 +12,8 @@ typedef struct hw_region_distance {
                       // centroids of equal triangles)
     double centre;    // from the cell centre to the box (0 inside)
 } hw_region_distance;
+// `nearest` alone.
+double hw_region_nearest(const hw_hexgrid *grid, hw_cell_id id, hw_box box);
 hw_region_distance hw_region_distance_to(const hw_hexgrid *grid, hw_cell_id id, hw_box box);
 
 // True if the prism and the box meet.

@@ -1,6 +1,7 @@
 #include "budget.h"
 #include "alloc.h"
 #include "system.h"
+#include <assert.h>
 #include <malloc.h>
 #include <pthread.h>
 #include <string.h>
@@ -11,12 +12,14 @@
 #define BLOCK_COUNT 5u  // arrays of a mesh
 #define SLACK_SHARE 16u // of the bound is left free for pages that come in meanwhile
 #define WORK_BYTES  (UINT64_C(8) << 20) // for one object of a cell
+#define RAYS_MAX    2u
 #define MAP_BYTES   (1 << 18) // blocks of this size and more go back to the system when freed
 
 struct hw_budget {
     uint64_t bytes;
     hw_spill *spill;
-    hw_rays *rays; // borrowed
+    hw_rays *rays[RAYS_MAX]; // borrowed
+    uint32_t rays_count;
     pthread_mutex_t mutex;
     uint64_t reserved; // guarded by mutex
     hw_mesh **taken;   // guarded by mutex
@@ -181,6 +184,22 @@ static bool fits(const hw_budget *b, uint64_t bytes)
     return hw_rss_bytes() + b->reserved + bytes <= b->bytes;
 }
 
+static bool evict_tree(hw_budget *b)
+{
+    for (uint32_t i = b->rays_count; i-- > 0;)
+        if (hw_rays_evict(b->rays[i]))
+            return true;
+    return false;
+}
+
+static bool any_pinned(const hw_budget *b)
+{
+    for (uint32_t i = 0; i < b->rays_count; i++)
+        if (hw_rays_pins(b->rays[i]) > 0)
+            return true;
+    return false;
+}
+
 // Called with the mutex held. Gives back what can be had again: pages of the scratch file first,
 // which cost little to bring in, then trees of rays. Some more than asked for goes, or the next
 // page that comes in would start all over.
@@ -195,7 +214,7 @@ static bool make_room(hw_budget *b, uint64_t bytes)
     hw_spill_drop(b->spill, true);
     malloc_trim(0);
     while (!fits(b, wanted))
-        if (!b->rays || !hw_rays_evict(b->rays))
+        if (!evict_tree(b))
             return fits(b, bytes);
     return true;
 }
@@ -208,7 +227,7 @@ hw_status hw_budget_reserve(hw_budget *b, uint64_t bytes)
         pthread_mutex_lock(&b->mutex);
         bool room = make_room(b, bytes);
         // Others that work will give something back; if none does, waiting is of no use.
-        bool others = b->reserved > 0 || (b->rays && hw_rays_pins(b->rays) > 0);
+        bool others = b->reserved > 0 || any_pinned(b);
         uint64_t needed = hw_rss_bytes() + bytes;
         if (room)
             b->reserved += bytes;
@@ -256,7 +275,8 @@ static void release(void *context, uint64_t bytes)
 hw_status hw_budget_create_rays(hw_budget *b, const hw_scene *scene, hw_rays **out)
 {
     const hw_rays_memory memory = {b, reserve, release};
+    assert(b->rays_count < RAYS_MAX);
     HW_TRY(hw_rays_create_paged(out, scene, &memory));
-    b->rays = *out;
+    b->rays[b->rays_count++] = *out;
     return HW_OK;
 }

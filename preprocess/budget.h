@@ -30,7 +30,8 @@ HW_MUST_USE hw_status hw_budget_use(hw_budget *budget, uint32_t mesh_idx);
 HW_MUST_USE hw_status hw_budget_reserve(hw_budget *budget, uint64_t bytes);
 void hw_budget_release(hw_budget *budget, uint64_t bytes);
 
-// A scene's rays that live within the bound: hw_rays_create_paged.
+// Rays that live within the bound: hw_rays_create_paged. At most two; of those made later trees go
+// first.
 HW_MUST_USE hw_status hw_budget_create_rays(hw_budget *budget, const hw_scene *scene,
                                             hw_rays **out);
 // Of the scratch file.

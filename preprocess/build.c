@@ -28,12 +28,19 @@
 #define ONE_LEVEL_CELLS_MAX 1000u
 #define GROUPED_LEVELS      3
 
+// A cell, and its place among all.
+typedef struct cell_turn {
+    hw_cell_id id;
+    uint32_t place;
+} cell_turn;
+
 typedef struct build {
     const hw_build_options *options;
     hw_build_report *report;
     hw_scene scene;
     hw_chain *chains;
     hw_rays *rays;
+    hw_details *details;
     hw_capturer *capturer;
     hw_occlusion *occlusion; // NULL without culling
     hw_hexgrid grid;
@@ -47,6 +54,8 @@ typedef struct build {
     uint32_t *mesh_order;  // by falling size
     uint32_t *order;       // objects by mesh, with a bound
     bool *backwards;       // per thread: the way of its last cell
+    hw_groups **groups;    // per thread
+    cell_turn *turns;      // in which the cells are made
     pthread_mutex_t mutex; // guards what the report adds up
     uint64_t far_records, far_triangles, near_records;
 } build;
@@ -422,6 +431,7 @@ static hw_status build_cell(build *b, hw_cell_id id, const char *path, uint32_t 
                              .cull_objects = b->options->cull != HW_OCCLUSION_OFF,
                              .cull_faces = b->options->cull == HW_OCCLUSION_TRIANGLES,
                              .grid = &b->grid,
+                             .groups = b->groups[thread],
                              .clusters = b->options->clusters,
                              .cluster_error_px = b->options->cluster_error_px,
                              .far = b->options->far,
@@ -446,7 +456,7 @@ static hw_status make_cell(void *context, uint64_t index, uint32_t thread)
     build *b = context;
     hw_status status = HW_OK;
     char *path = NULL;
-    uint32_t place = b->cell_count - 1 - (uint32_t)index; // groups first: they take longest
+    uint32_t place = b->turns[index].place;
     hw_cell_id id = b->cells[place];
     if (!owns(b, place) || !is_wanted(b, place))
         return HW_OK;
@@ -490,7 +500,8 @@ static hw_status make_rays(build *b)
     } else {
         HW_GO(make_whole_rays(b));
     }
-    HW_GO(hw_capturer_create(&b->scene, b->rays, &b->capturer));
+    HW_GO(hw_details_create(&b->scene, b->rays, b->chains, b->budget, &b->details));
+    HW_GO(hw_capturer_create(&b->scene, b->rays, b->details, &b->capturer));
     if (needs_occlusion(b->options))
         HW_GO(hw_occlusion_create(&b->occlusion, &b->scene, b->rays, &b->grid,
                                   &b->options->occlusion));
@@ -498,6 +509,39 @@ static hw_status make_rays(build *b)
 out:
     hw_free(keys);
     return status;
+}
+
+static hw_status make_groups(build *b)
+{
+    HW_TRY(HW_NEW(&b->groups, thread_count(b)));
+    for (uint32_t i = 0; i < thread_count(b); i++)
+        HW_TRY(hw_groups_create(&b->grid, &b->scene, b->chains, &b->options->far, &b->groups[i]));
+    return HW_OK;
+}
+
+// Groups first: they take longest. Cells of the same groups follow each other.
+static int by_turn(const void *x, const void *y)
+{
+    const cell_turn *a = x, *b = y;
+    if (a->id.level != b->id.level)
+        return a->id.level > b->id.level ? -1 : 1;
+    for (int32_t l = HW_CELL_LEVELS_MAX - 1; l >= a->id.level; l--) {
+        hw_cell_id p = hw_cell_ancestor(a->id, l), q = hw_cell_ancestor(b->id, l);
+        if (p.q != q.q)
+            return p.q < q.q ? -1 : 1;
+        if (p.r != q.r)
+            return p.r < q.r ? -1 : 1;
+    }
+    return 0;
+}
+
+static hw_status order_cells(build *b)
+{
+    HW_TRY(HW_NEW(&b->turns, b->cell_count));
+    for (uint32_t i = 0; i < b->cell_count; i++)
+        b->turns[i] = (cell_turn){b->cells[i], i};
+    qsort(b->turns, b->cell_count, sizeof *b->turns, by_turn);
+    return HW_OK;
 }
 
 static hw_status make_cells(build *b)
@@ -509,6 +553,8 @@ static hw_status make_cells(build *b)
         mine += owns(b, i) && is_wanted(b, i);
     b->report->cells_total = count;
     HW_GO(HW_NEW(&b->backwards, thread_count(b)));
+    HW_GO(make_groups(b));
+    HW_GO(order_cells(b));
     HW_GO(hw_progress_create(&b->progress, "cells", mine));
     HW_GO(hw_parallel_for(count, b->options->threads, make_cell, b, b->options->stop));
 out:
@@ -709,6 +755,7 @@ static hw_status make_folders(const build *b)
 static void release(build *b)
 {
     hw_capturer_destroy(b->capturer);
+    hw_details_destroy(b->details);
     hw_occlusion_destroy(b->occlusion);
     hw_rays_destroy(b->rays);
     hw_budget_destroy(b->budget);
@@ -718,6 +765,10 @@ static void release(build *b)
     hw_free(b->mesh_order);
     hw_free(b->order);
     hw_free(b->backwards);
+    for (uint32_t i = 0; b->groups && i < thread_count(b); i++)
+        hw_groups_destroy(b->groups[i]);
+    hw_free(b->groups);
+    hw_free(b->turns);
     hw_free(b->wanted);
     hw_free(b->texture_of_material);
     hw_free(b->cells);

@@ -3,17 +3,10 @@
 #include "atlas.h"
 #include "block.h"
 #include "cluster.h"
-#include "hierarchy.h"
 #include "system.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-
-// A group of cells stands for an object from this many of its sides away.
-#define GROUP_DISTANCE 2.0
-// A capture is at most this much larger than the object's angle tells: windows lie askew, and the
-// nearest viewer counts.
-#define GROUP_WINDOW 2.0
 
 typedef struct assembly {
     hw_near_record *near;
@@ -52,78 +45,6 @@ uint32_t hw_near_level(const hw_chain *chain, double scale, double distance, dou
     return l / step;
 }
 
-// The largest stretch of the transform's axes.
-static double transform_scale(const hw_mat4 *m)
-{
-    double most = 0;
-    for (int c = 0; c < 3; c++)
-        most = fmax(most, sqrt(m->m[4 * c] * m->m[4 * c] + m->m[4 * c + 1] * m->m[4 * c + 1] +
-                               m->m[4 * c + 2] * m->m[4 * c + 2]));
-    return most;
-}
-
-// The self-occluding error of whatever is inside the box, at most, for a cell of this side.
-static double occlusion_bound(const hw_cell_view *view, double side, hw_box box)
-{
-    double most = 0;
-    for (uint32_t i = 0; i < 8; i++) {
-        hw_vec3 rel = hw_v3_sub(hw_box_corner(box, i), view->centre);
-        most = fmax(most, hypot((double)rel.x, (double)rel.y));
-    }
-    double x = fmax(fmax((double)box.min.x - (double)view->centre.x,
-                         (double)view->centre.x - (double)box.max.x),
-                    0);
-    double y = fmax(fmax((double)box.min.y - (double)view->centre.y,
-                         (double)view->centre.y - (double)box.max.y),
-                    0);
-    double least = hypot(x, y);
-    return hw_self_occluding_error(side, least, most - least, HW_REFERENCE_IMAGE_PX);
-}
-
-// Whether the object is no impostor from the group but flat from its cells: then it stays with
-// them, where an impostor costs less than the group's mesh.
-static bool is_flat_from_cells_only(const hw_cell_inputs *in, const hw_cell_view *view,
-                                    uint32_t object_idx)
-{
-    const hw_object *object = &in->scene->objects[object_idx];
-    double flat = in->far.impostor_px, bound = occlusion_bound(view, view->size, object->bounds);
-    if (bound < flat || occlusion_bound(view, in->grid->cell_size, object->bounds) >= flat)
-        return false;
-    const hw_svmesh_job job = {.view = view,
-                               .scene = in->scene,
-                               .chain = &in->chains[object->mesh_idx],
-                               .object_idx = object_idx};
-    return hw_svmesh_self_occlusion(&job) >= flat;
-}
-
-// Whether the cell of a higher level stands for an object, for all the cells that it groups. Told
-// from the group and the object alone, so that every cell comes to the same answer without deriving
-// anything; an object that passes can be derived from the group: it lies two cell sides away at
-// least, its self-occluding error stays below the limit however it is shaped, and its capture is
-// not too large.
-static bool group_serves(const hw_cell_inputs *in, const hw_cell_view *view, uint32_t object_idx)
-{
-    hw_box box = in->scene->objects[object_idx].bounds;
-    double nearest = hw_region_distance_to(view->grid, view->id, box).nearest;
-    if (nearest < GROUP_DISTANCE * view->size)
-        return false;
-    double angle = (double)hw_box_diagonal(box) / nearest;
-    return occlusion_bound(view, view->size, box) < in->far.self_occlusion_px &&
-           GROUP_WINDOW * angle * view->focal_px < in->far.capture_side_max &&
-           !is_flat_from_cells_only(in, view, object_idx);
-}
-
-// Whether the object is this cell's to draw: no group above it serves the object, and a group
-// serves it itself.
-static bool is_ours(const hw_cell_inputs *in, const hw_cell_view *view, const hw_cell_view *groups,
-                    uint32_t object_idx)
-{
-    for (int32_t l = view->id.level + 1; l < in->grid->levels; l++)
-        if (group_serves(in, &groups[l], object_idx))
-            return false;
-    return view->id.level == 0 || group_serves(in, view, object_idx);
-}
-
 static hw_status add_object(const hw_cell_inputs *in, const hw_cell_view *view,
                             const hw_far_options *far, uint32_t object_idx, assembly *a)
 {
@@ -138,7 +59,7 @@ static hw_status add_object(const hw_cell_inputs *in, const hw_cell_view *view,
         .chain = &in->chains[object->mesh_idx],
         .object_idx = object_idx,
         .distance = hw_region_distance_to(view->grid, view->id, object->bounds),
-        .scale = transform_scale(&object->transform),
+        .scale = hw_mat4_stretch(&object->transform),
         .face = hw_face_towards(towards.x, towards.y),
     };
     bool is_near;
@@ -311,9 +232,6 @@ static hw_status add_objects(const hw_cell_inputs *in, const hw_cell_view *view,
     double start = hw_clock_ms(), captured = hw_capture_thread_seconds();
     uint32_t count = in->scene->object_count;
     bool *seen = NULL;
-    hw_cell_view groups[HW_CELL_LEVELS_MAX]; // that hold the cell, by level
-    for (int32_t l = view->id.level + 1; l < in->grid->levels; l++)
-        groups[l] = hw_cell_view_make(in->grid, hw_cell_ancestor(view->id, l));
     HW_GO(HW_NEW(&a->near, count));
     HW_GO(HW_NEW(&a->far, count));
     if (in->cull_objects) {
@@ -322,7 +240,7 @@ static hw_status add_objects(const hw_cell_inputs *in, const hw_cell_view *view,
     }
     for (uint32_t i = 0; i < count; i++) {
         uint32_t k = in->backwards ? count - 1 - i : i, object_idx = in->order ? in->order[k] : k;
-        if ((seen && !seen[object_idx]) || !is_ours(in, view, groups, object_idx))
+        if ((seen && !seen[object_idx]) || !hw_groups_leave_to(in->groups, view->id, object_idx))
             continue;
         HW_GO(hw_budget_use(in->budget, in->scene->objects[object_idx].mesh_idx));
         HW_GO(add_object(in, view, &far, object_idx, a));

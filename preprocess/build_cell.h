@@ -1,6 +1,7 @@
 // Makes one cell: sorts the objects into near and far, derives the SVMeshes, packs them.
 #pragma once
 #include "budget.h"
+#include "groups.h"
 #include "occlusion.h"
 #include "svmesh.h"
 
@@ -19,6 +20,7 @@ typedef struct hw_cell_inputs {
     bool clusters;
     double cluster_error_px; // largest self-occluding error of a cluster
     const hw_hexgrid *grid;
+    hw_groups *groups; // of the calling thread; NULL: there is one level
     hw_far_options far;
     double near_error_px;
     uint64_t key;
@@ -30,7 +32,6 @@ typedef struct hw_cell_inputs {
 // Level of the mesh file to draw a near object with at a distance: the coarsest one whose error
 // (hw_mesh_level_error) is at most error_px; mesh files hold every HW_NEAR_LEVEL_STRIDE-th level
 // of the chain. Textured meshes have level 0 only.
-#define HW_NEAR_LEVEL_STRIDE 2u
 uint32_t hw_near_level(const hw_chain *chain, double scale, double distance, double focal_px,
                        double error_px);
 

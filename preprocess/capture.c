@@ -9,10 +9,12 @@
 struct hw_capturer {
     const hw_scene *scene;
     const hw_rays *rays;
-    hw_sampler **samplers; // one per material, NULL if it has no texture
+    const hw_details *details; // may be NULL
+    hw_sampler **samplers;     // one per material, NULL if it has no texture
 };
 
-hw_status hw_capturer_create(const hw_scene *scene, const hw_rays *scene_rays, hw_capturer **out)
+hw_status hw_capturer_create(const hw_scene *scene, const hw_rays *scene_rays,
+                             const hw_details *details, hw_capturer **out)
 {
     hw_status status = HW_OK;
     hw_capturer *capturer = NULL;
@@ -24,6 +26,7 @@ hw_status hw_capturer_create(const hw_scene *scene, const hw_rays *scene_rays, h
     HW_GO(HW_NEW(&capturer, 1));
     capturer->scene = scene;
     capturer->rays = scene_rays;
+    capturer->details = details;
     HW_GO(HW_NEW(&capturer->samplers, scene->material_count));
     for (uint32_t i = 0; i < scene->material_count; i++)
         if (scene->materials[i].texture.data)
@@ -69,15 +72,20 @@ typedef struct shader {
     rgb lit[3];
 } shader;
 
-// The directions are the window's, in the world.
-static shader shader_make(const hw_capturer *capturer, uint32_t object_idx, hw_vec3 axis,
-                          hw_vec3 right, hw_vec3 up)
+// The way from the world to the object's own space.
+static hw_mat4 to_mesh(const hw_capturer *capturer, uint32_t object_idx)
+{
+    hw_mat4 inverse; // the rays would not have taken a singular one
+    (void)hw_mat4_inverse(capturer->scene->objects[object_idx].transform, &inverse);
+    return inverse;
+}
+
+// `mesh` is the object's, or stands for it. The directions are the window's, in the world.
+static shader shader_make(const hw_capturer *capturer, uint32_t object_idx, const hw_mesh *mesh,
+                          hw_vec3 axis, hw_vec3 right, hw_vec3 up)
 {
     const hw_object *object = &capturer->scene->objects[object_idx];
-    const hw_mesh *mesh = &capturer->scene->meshes[object->mesh_idx];
-    hw_mat4 inverse;
-    (void)hw_mat4_inverse(object->transform,
-                          &inverse); // the rays would not have taken a singular one
+    hw_mat4 inverse = to_mesh(capturer, object_idx);
     shader s = {
         .mesh = mesh,
         .sampler = mesh->uvs ? capturer->samplers[object->material_idx] : NULL,
@@ -175,14 +183,14 @@ typedef struct texel_sum {
 // Some of the rays of some texels of a row. The rays of a texel lie side by side in `directions`
 // and `hits`, so that a packet of rays covers a compact patch.
 typedef struct row_job {
-    const hw_capturer *capturer;
     const hw_capture_window *window;
-    uint32_t object_idx, samples;
+    uint32_t samples;
+    hw_detail detail;
+    hw_vec3 origin; // in its space, as the directions
     bool coherent;
     float centre_distance[HW_CAPTURE_SAMPLES_MAX * HW_CAPTURE_SAMPLES_MAX];
     // The rays of a texel: those that all get, then those of outlines.
     uint32_t first_count, order[HW_CAPTURE_SAMPLES_MAX * HW_CAPTURE_SAMPLES_MAX];
-    hw_vec3 axis, right, up; // world
     hw_vec3 *directions;
     hw_hit *hits;
     uint32_t *columns; // of the texels whose rays these are
@@ -219,14 +227,15 @@ static void add_hit(row_job *job, uint32_t i, uint32_t j, uint32_t k, const hw_h
 // Casts the rays order[first] to order[end - 1] of the first `count` texels in columns.
 static void cast_row(row_job *job, uint32_t j, uint32_t count, uint32_t first, uint32_t end)
 {
+    const shader *s = &job->shader;
     uint32_t n = 0;
     for (uint32_t c = 0; c < count; c++)
         for (uint32_t o = first; o < end; o++)
             job->directions[n++] = hw_v3_mad(
-                hw_v3_mad(job->axis, job->right, sample_x(job, job->columns[c], job->order[o])),
-                job->up, sample_y(job, j, job->order[o]));
-    hw_rays_cast_object_many(job->capturer->rays, job->object_idx, job->window->centre,
-                             job->directions, n, job->coherent, INFINITY, job->hits);
+                hw_v3_mad(s->axis, s->right, sample_x(job, job->columns[c], job->order[o])), s->up,
+                sample_y(job, j, job->order[o]));
+    hw_rays_cast_mesh_many(job->detail.rays, job->detail.mesh_idx, job->origin, job->directions, n,
+                           job->coherent, job->hits);
     texel_sum *row = job->sums + (size_t)j * job->window->width;
     const hw_hit *hit = job->hits;
     for (uint32_t c = 0; c < count; c++)
@@ -287,11 +296,26 @@ static void set_up_order(row_job *job)
         job->order[k] = job->samples == 4 ? four_by_four[k] : k;
 }
 
-static hw_status set_up_job(row_job *job, const hw_capturer *capturer, uint32_t object_idx,
-                            const hw_capture_window *window, uint32_t samples)
+// What the object is cast as.
+static hw_detail choose_detail(const hw_capturer *capturer, uint32_t object_idx, double error)
 {
-    *job = (row_job){
-        .capturer = capturer, .window = window, .object_idx = object_idx, .samples = samples};
+    const hw_object *object = &capturer->scene->objects[object_idx];
+    if (capturer->details)
+        return hw_details_choose(capturer->details, object->mesh_idx,
+                                 error / hw_mat4_stretch(&object->transform));
+    return (hw_detail){&capturer->scene->meshes[object->mesh_idx], capturer->rays,
+                       object->mesh_idx};
+}
+
+static hw_status set_up_job(row_job *job, const hw_capturer *capturer, uint32_t object_idx,
+                            const hw_capture_window *window, uint32_t samples, double error)
+{
+    hw_mat4 inverse = to_mesh(capturer, object_idx);
+    hw_vec3 axis, right, up;
+    *job = (row_job){.window = window,
+                     .samples = samples,
+                     .detail = choose_detail(capturer, object_idx, error),
+                     .origin = hw_mat4_point(&inverse, window->centre)};
     for (uint32_t k = 0; k < samples * samples; k++) {
         // Twice the offset from the centre, in whole steps: exact, so equal ones are equal.
         float x = (float)(2 * (k % samples) + 1) - (float)samples;
@@ -299,8 +323,8 @@ static hw_status set_up_job(row_job *job, const hw_capturer *capturer, uint32_t 
         job->centre_distance[k] = x * x + y * y;
     }
     set_up_order(job);
-    hw_face_basis(window->face, &job->axis, &job->right, &job->up);
-    job->shader = shader_make(capturer, object_idx, job->axis, job->right, job->up);
+    hw_face_basis(window->face, &axis, &right, &up);
+    job->shader = shader_make(capturer, object_idx, job->detail.mesh, axis, right, up);
     job->shader.step_x = (window->x_max - window->x_min) / (float)(window->width * samples);
     job->shader.step_y = (window->y_max - window->y_min) / (float)(window->height * samples);
     size_t rays = (size_t)window->width * samples * samples;
@@ -318,7 +342,8 @@ bool hw_capture_point(const hw_capturer *capturer, uint32_t object_idx, hw_vec3 
     hw_hit hit = hw_rays_cast_object(capturer->rays, object_idx, origin, direction, 0, 1);
     if (hit.t == INFINITY)
         return false;
-    shader s = shader_make(capturer, object_idx, direction, hw_v3(0, 0, 0), hw_v3(0, 0, 0));
+    const hw_mesh *mesh = &capturer->scene->meshes[capturer->scene->objects[object_idx].mesh_idx];
+    shader s = shader_make(capturer, object_idx, mesh, direction, hw_v3(0, 0, 0), hw_v3(0, 0, 0));
     rgb color = shade(&s, &hit, 0, 0);
     *out = (hw_color8){to_byte(color.r), to_byte(color.g), to_byte(color.b), 255};
     return true;
@@ -334,7 +359,8 @@ double hw_capture_thread_seconds(void)
 }
 
 hw_status hw_capture_object(const hw_capturer *capturer, uint32_t object_idx,
-                            const hw_capture_window *window, uint32_t samples, hw_capture *out)
+                            const hw_capture_window *window, uint32_t samples, double error,
+                            hw_capture *out)
 {
     hw_status status = HW_OK;
     row_job job = {0};
@@ -348,20 +374,20 @@ hw_status hw_capture_object(const hw_capturer *capturer, uint32_t object_idx,
         !(window->y_max > window->y_min))
         return hw_fail(HW_USAGE, "object %u: an empty or oversized capture window of %u x %u",
                        object_idx, window->width, window->height);
-    HW_GO(set_up_job(&job, capturer, object_idx, window, samples));
+    HW_GO(set_up_job(&job, capturer, object_idx, window, samples, error));
     out->width = window->width;
     out->height = window->height;
     HW_GO(HW_NEW(&out->colors, (size_t)out->width * out->height));
     HW_GO(HW_NEW(&out->coverage, (size_t)out->width * out->height));
     HW_GO(HW_NEW(&out->depths, (size_t)out->width * out->height));
-    HW_GO(hw_rays_pin(capturer->rays, object_idx));
+    HW_GO(hw_rays_pin(job.detail.rays, job.detail.mesh_idx));
     pinned = true;
     cast_rays(&job);
     for (size_t texel = 0; texel < (size_t)out->width * out->height; texel++)
         resolve_texel(&job.sums[texel], texel, out);
 out:
     if (pinned)
-        hw_rays_unpin(capturer->rays, object_idx);
+        hw_rays_unpin(job.detail.rays, job.detail.mesh_idx);
     hw_free(job.directions);
     hw_free(job.hits);
     hw_free(job.columns);
@@ -426,7 +452,8 @@ static void put_nearer(const hw_capture *part, const hw_rect *r, hw_capture *who
 }
 
 hw_status hw_capture_objects(const hw_capturer *capturer, const uint32_t *objects, uint32_t count,
-                             const hw_capture_window *window, uint32_t samples, hw_capture *out)
+                             const hw_capture_window *window, uint32_t samples, double error,
+                             hw_capture *out)
 {
     hw_status status = HW_OK;
     hw_capture part = {0};
@@ -440,7 +467,7 @@ hw_status hw_capture_objects(const hw_capturer *capturer, const uint32_t *object
         if (r.width == 0 || r.height == 0)
             continue;
         hw_capture_window w = part_of(window, &r);
-        HW_GO(hw_capture_object(capturer, objects[i], &w, samples, &part));
+        HW_GO(hw_capture_object(capturer, objects[i], &w, samples, error, &part));
         put_nearer(&part, &r, out);
         hw_capture_free(&part);
     }

@@ -1,8 +1,8 @@
 // Captures: the colours and depths of one object, cast from a cell's centre through a window on one
 // of the cell's faces (thesis 5.2.1, SVMesh derivation, step 1).
 #pragma once
+#include "details.h"
 #include "hexgrid.h"
-#include "rays.h"
 
 // A rectangle of the plane at distance 1 from `centre` along the axis of `face` (hw_face_basis):
 // the ray of plane point (x, y) is axis + x right + y up. Row 0 is the lowest (y_min); texel (i, j)
@@ -25,10 +25,10 @@ typedef struct hw_capture {
 #define HW_CAPTURE_SAMPLES_MAX 8
 
 typedef struct hw_capturer hw_capturer;
-// Borrows the scene and its rays (hw_rays_create_scene); owns samplers of the materials' textures.
-// HW_USAGE names a mesh without normals.
+// Borrows the scene, its rays (hw_rays_create_scene) and its details (NULL: originals only); owns
+// samplers of the materials' textures. HW_USAGE names a mesh without normals.
 HW_MUST_USE hw_status hw_capturer_create(const hw_scene *scene, const hw_rays *scene_rays,
-                                         hw_capturer **out);
+                                         const hw_details *details, hw_capturer **out);
 void hw_capturer_destroy(hw_capturer *capturer);
 const hw_rays *hw_capturer_rays(const hw_capturer *capturer);
 
@@ -43,16 +43,19 @@ const hw_rays *hw_capturer_rays(const hw_capturer *capturer);
 // rounded; its depth that of the covered sample nearest to its centre (of equally near ones the
 // first in rows from the lower left: with 2 x 2 samples a quarter texel down and left).
 //
+// The object may be off by `error`, world units, where that makes it cheaper (hw_details_choose);
+// 0: it is the original.
+//
 // Thread-safe; the result depends on the arguments alone. HW_USAGE for an empty window.
 HW_MUST_USE hw_status hw_capture_object(const hw_capturer *capturer, uint32_t object_idx,
                                         const hw_capture_window *window, uint32_t samples,
-                                        hw_capture *out);
+                                        double error, hw_capture *out);
 
 // The same of several objects, at most one of which shows in a texel: the one whose depth there is
 // least. All must lie in front of the plane through the window's centre.
 HW_MUST_USE hw_status hw_capture_objects(const hw_capturer *capturer, const uint32_t *objects,
                                          uint32_t count, const hw_capture_window *window,
-                                         uint32_t samples, hw_capture *out);
+                                         uint32_t samples, double error, hw_capture *out);
 
 // The colour of an object where the ray origin + t direction, t in [0, 1], first meets it; false if
 // it does not. The caller has pinned the object's rays. Textures are not filtered. Thread-safe.

@@ -23,6 +23,9 @@ typedef struct hw_chain_options {
     uint32_t threads;    // 0 = default
 } hw_chain_options;
 
+// Near objects are drawn with every so many-th level.
+#define HW_NEAR_LEVEL_STRIDE 2u
+
 // Memoryless quadrics weighted by silhouette importance, free placement; vertices of a snapshot are
 // pulled back towards the original.
 HW_MUST_USE hw_status hw_chain_make(const hw_mesh *mesh, const hw_chain_options *options,

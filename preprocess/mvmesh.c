@@ -369,17 +369,18 @@ static bool is_hidden(const work *w, const uint32_t *t, double tolerance)
 
 static hw_status drop_hidden(work *w)
 {
+    uint32_t mesh_idx = w->job->scene->objects[w->job->object_idx].mesh_idx;
     const hw_rays *rays = hw_capturer_rays(w->job->capturer);
     double tolerance = surface_tolerance(w);
     uint32_t n = 0, count = w->mesh->record.index_count / 3, *indices = w->mesh->indices;
-    HW_TRY(hw_rays_pin(rays, w->job->object_idx));
+    HW_TRY(hw_rays_pin(rays, mesh_idx));
     for (uint32_t f = 0; f < count; f++) {
         if (w->sets[f] == 0 && is_hidden(w, indices + 3 * (size_t)f, tolerance))
             continue;
         w->sets[n] = w->sets[f];
         memmove(indices + 3 * (size_t)n++, indices + 3 * (size_t)f, 3 * sizeof *indices);
     }
-    hw_rays_unpin(rays, w->job->object_idx);
+    hw_rays_unpin(rays, mesh_idx);
     w->mesh->record.index_count = 3 * n;
     return HW_OK;
 }
@@ -551,6 +552,7 @@ static hw_color8 color_at(const work *w, hw_vec3 position, hw_vec3 normal)
 
 static hw_status add_colors(work *w)
 {
+    uint32_t mesh_idx = w->job->scene->objects[w->job->object_idx].mesh_idx;
     hw_status status = HW_OK;
     const hw_far_record *r = &w->mesh->record;
     const hw_rays *rays = hw_capturer_rays(w->job->capturer);
@@ -574,7 +576,7 @@ static hw_status add_colors(work *w)
             inwards[t[k]] = hw_v3_sub(middle, w->world[t[k]]); // of the last: any will do
         }
     }
-    HW_GO(hw_rays_pin(rays, w->job->object_idx));
+    HW_GO(hw_rays_pin(rays, mesh_idx));
     pinned = true;
     for (uint32_t i = 0; i < r->vertex_count; i++)
         if (hw_v3_length(normals[i]) > 0)
@@ -582,7 +584,7 @@ static hw_status add_colors(work *w)
                                           hw_v3_normalize(normals[i]));
 out:
     if (pinned)
-        hw_rays_unpin(rays, w->job->object_idx);
+        hw_rays_unpin(rays, mesh_idx);
     hw_free(normals);
     hw_free(inwards);
     return status;

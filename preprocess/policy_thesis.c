@@ -138,7 +138,7 @@ static hw_status weigh(const hw_svmesh_job *job, const hw_capture_window *window
     hw_capture capture = {0};
     uint8_t *categories = NULL;
     find_front(index, w);
-    HW_GO(hw_capture_object(job->capturer, job->object_idx, window, 1, &capture));
+    HW_GO(hw_capture_object(job->capturer, job->object_idx, window, 1, 0, &capture));
     HW_GO(HW_NEW(&categories, (size_t)capture.width * capture.height));
     HW_GO(hw_classify(capture.depths, capture.width, capture.height, NULL, categories));
     for (uint32_t v = 0; v < w->mesh.vertex_count; v++) {

@@ -208,7 +208,8 @@ hw_status hw_rays_create_paged(hw_rays **out, const hw_scene *scene, const hw_ra
     *out = NULL;
     HW_GO(HW_NEW(&rays, 1));
     HW_GO(HW_NEW(&rays->pager, 1));
-    rays->pager->memory = *memory;
+    if (memory)
+        rays->pager->memory = *memory;
     rays->pager->scene = scene;
     pthread_mutex_init(&rays->pager->mutex, NULL);
     pthread_cond_init(&rays->pager->built, NULL);
@@ -238,9 +239,11 @@ static hw_status build_tree(const hw_rays *rays, uint32_t mesh_idx, RTCScene *ou
     const hw_mesh *mesh = &p->scene->meshes[mesh_idx];
     uint64_t bytes = hw_rays_build_bytes(mesh);
     *out = NULL;
-    HW_TRY(p->memory.reserve(p->memory.context, bytes));
+    if (p->memory.reserve)
+        HW_TRY(p->memory.reserve(p->memory.context, bytes));
     hw_status status = create_mesh_scene(rays->device, mesh, out);
-    p->memory.release(p->memory.context, bytes);
+    if (p->memory.release)
+        p->memory.release(p->memory.context, bytes);
     if (status != HW_OK && *out) {
         rtcReleaseScene(*out);
         *out = NULL;
@@ -248,12 +251,11 @@ static hw_status build_tree(const hw_rays *rays, uint32_t mesh_idx, RTCScene *ou
     return status;
 }
 
-hw_status hw_rays_pin(const hw_rays *rays, uint32_t object_idx)
+hw_status hw_rays_pin(const hw_rays *rays, uint32_t m)
 {
     pager *p = rays->pager;
     if (!p)
         return HW_OK;
-    uint32_t m = rays->places[object_idx].mesh_idx;
     hw_status status = HW_OK;
     pthread_mutex_lock(&p->mutex);
     while (p->trees[m].building)
@@ -278,13 +280,13 @@ hw_status hw_rays_pin(const hw_rays *rays, uint32_t object_idx)
     return status;
 }
 
-void hw_rays_unpin(const hw_rays *rays, uint32_t object_idx)
+void hw_rays_unpin(const hw_rays *rays, uint32_t mesh_idx)
 {
     pager *p = rays->pager;
     if (!p)
         return;
     pthread_mutex_lock(&p->mutex);
-    p->trees[rays->places[object_idx].mesh_idx].pins--;
+    p->trees[mesh_idx].pins--;
     p->pins--;
     pthread_mutex_unlock(&p->mutex);
 }
@@ -462,26 +464,17 @@ void hw_rays_cast_many(const hw_rays *rays, hw_vec3 origin, const hw_vec3 *direc
     }
 }
 
-void hw_rays_cast_object_many(const hw_rays *rays, uint32_t object_idx, hw_vec3 origin,
-                              const hw_vec3 *directions, uint32_t count, bool coherent, float t_max,
-                              hw_hit *hits)
+void hw_rays_cast_mesh_many(const hw_rays *rays, uint32_t mesh_idx, hw_vec3 origin,
+                            const hw_vec3 *directions, uint32_t count, bool coherent, hw_hit *hits)
 {
-    assert(object_idx < rays->object_count);
-    const object_place *place = &rays->places[object_idx];
+    assert(mesh_idx < rays->mesh_count);
     struct RTCIntersectContext context = packet_context(coherent);
-    hw_vec3 local_origin = hw_mat4_point(&place->inverse, origin);
     for (uint32_t first = 0; first < count; first += PACKET) {
         uint32_t n = count - first < PACKET ? count - first : PACKET;
         struct RTCRayHit16 packet;
-        hw_vec3 local = {0};
-        for (uint32_t i = 0; i < PACKET; i++) {
-            if (i < n)
-                local = hw_mat4_direction(&place->inverse, directions[first + i]);
-            set_packet_ray(&packet, i, local_origin, local, t_max);
-        }
-        cast_packet(rays->mesh_scenes[place->mesh_idx], &context, &packet, n, hits + first);
-        for (uint32_t i = 0; i < n; i++)
-            hits[first + i].object_idx = object_idx;
+        for (uint32_t i = 0; i < PACKET; i++)
+            set_packet_ray(&packet, i, origin, directions[first + (i < n ? i : 0)], INFINITY);
+        cast_packet(rays->mesh_scenes[mesh_idx], &context, &packet, n, hits + first);
     }
 }
 

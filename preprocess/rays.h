@@ -20,13 +20,14 @@ typedef struct hw_rays_memory {
 uint64_t hw_rays_build_bytes(const hw_mesh *mesh);
 // A whole scene, of which a mesh's tree is built when it is pinned and may go when it is not. The
 // hits on an object are those of hw_rays_create_scene; there is no tree of all objects, so
-// hw_rays_cast and hw_rays_occluded must not be called. Borrows the scene.
+// hw_rays_cast and hw_rays_occluded must not be called. Borrows the scene. `memory` may be NULL:
+// there is enough.
 HW_MUST_USE hw_status hw_rays_create_paged(hw_rays **out, const hw_scene *scene,
                                            const hw_rays_memory *memory);
-// Before and after rays are cast against an object: its mesh's tree stays meanwhile. Nothing to do
-// but with paged scenes. Thread-safe.
-HW_MUST_USE hw_status hw_rays_pin(const hw_rays *rays, uint32_t object_idx);
-void hw_rays_unpin(const hw_rays *rays, uint32_t object_idx);
+// Before and after rays are cast against a mesh or its objects: its tree stays meanwhile. Nothing
+// to do but with paged scenes. Thread-safe.
+HW_MUST_USE hw_status hw_rays_pin(const hw_rays *rays, uint32_t mesh_idx);
+void hw_rays_unpin(const hw_rays *rays, uint32_t mesh_idx);
 // Frees the least recently used tree that is not pinned; false if there is none. Thread-safe.
 bool hw_rays_evict(hw_rays *rays);
 // How many pins are held. Thread-safe.
@@ -54,12 +55,12 @@ void hw_rays_cast_many(const hw_rays *rays, hw_vec3 origin, const hw_vec3 *direc
 // by others).
 hw_hit hw_rays_cast_object(const hw_rays *rays, uint32_t object_idx, hw_vec3 origin,
                            hw_vec3 direction, float t_min, float t_max);
-// `count` rays of one origin against one object, t in [0, t_max]: the same hits in packets, up to
-// twice as fast. `coherent` promises that neighbouring directions mostly meet the same triangles or
-// near ones (it is only a hint for speed). hits holds `count`.
-void hw_rays_cast_object_many(const hw_rays *rays, uint32_t object_idx, hw_vec3 origin,
-                              const hw_vec3 *directions, uint32_t count, bool coherent, float t_max,
-                              hw_hit *hits);
+// `count` rays of one origin against one mesh of a scene, in its own space, t in [0, INFINITY): in
+// packets, up to twice as fast. `coherent` promises that neighbouring directions mostly meet the
+// same triangles or near ones (it is only a hint for speed). hits holds `count`; their object_idx
+// is 0.
+void hw_rays_cast_mesh_many(const hw_rays *rays, uint32_t mesh_idx, hw_vec3 origin,
+                            const hw_vec3 *directions, uint32_t count, bool coherent, hw_hit *hits);
 // `count` rays of one direction against a mesh (hw_rays_create_mesh), t in [0, INFINITY), in
 // packets of 16: fastest where each run of 16 origins lies close together. hits holds `count`.
 void hw_rays_cast_parallel(const hw_rays *rays, const hw_vec3 *origins, hw_vec3 direction,

@@ -12,7 +12,10 @@
 #define EXTENT_FACES     1000u
 #define IMPOSTOR_SAMPLES 4u         // rays per texel and axis: outlines are as good as the coverage
 #define QUANTUM_PX       (1.0 / 32) // coarser steps show on silhouettes
-#define OCCLUSION_PX     8.0        // between points of a face that are looked for
+// What a capture is cast against may be off by this much, as the nearest viewer in the cell sees
+// it.
+#define CAPTURE_ERROR_PX 0.03
+#define OCCLUSION_PX     8.0 // between points of a face that are looked for
 
 static const hw_svmesh_policy *const policies[] = {&hw_policy_screen, &hw_policy_thesis, NULL};
 
@@ -217,11 +220,12 @@ static void record_window(const hw_capture_window *window, hw_far_record *record
 hw_status hw_svmesh_capture(const hw_svmesh_job *job, const hw_capture_window *window,
                             uint32_t samples, hw_capture *out)
 {
+    double error = CAPTURE_ERROR_PX * job->distance.nearest / job->view->focal_px;
     if (job->members)
         HW_TRY(hw_capture_objects(job->capturer, job->members, job->member_count, window, samples,
-                                  out));
+                                  error, out));
     else
-        HW_TRY(hw_capture_object(job->capturer, job->object_idx, window, samples, out));
+        HW_TRY(hw_capture_object(job->capturer, job->object_idx, window, samples, error, out));
     hw_capture_dilate(out, DILATION_TEXELS);
     return HW_OK;
 }
@@ -324,9 +328,29 @@ static const hw_mesh *extent_level(const hw_chain *chain)
     return &chain->levels[l];
 }
 
-double hw_svmesh_self_occlusion(const hw_svmesh_job *job)
+double hw_svmesh_self_occlusion_bound(const hw_cell_view *view, double side, hw_box box)
+{
+    double most = 0;
+    for (uint32_t i = 0; i < 8; i++) {
+        hw_vec3 rel = hw_v3_sub(hw_box_corner(box, i), view->centre);
+        most = fmax(most, hypot((double)rel.x, (double)rel.y));
+    }
+    double x = fmax(fmax((double)box.min.x - (double)view->centre.x,
+                         (double)view->centre.x - (double)box.max.x),
+                    0);
+    double y = fmax(fmax((double)box.min.y - (double)view->centre.y,
+                         (double)view->centre.y - (double)box.max.y),
+                    0);
+    double least = hypot(x, y);
+    return hw_self_occluding_error(side, least, most - least, HW_REFERENCE_IMAGE_PX);
+}
+
+double hw_svmesh_self_occlusion(const hw_svmesh_job *job, double enough)
 {
     const hw_object *object = &job->scene->objects[job->object_idx];
+    double bound = hw_svmesh_self_occlusion_bound(job->view, job->view->size, object->bounds);
+    if (bound < enough)
+        return bound;
     const hw_mesh *level = extent_level(job->chain);
     hw_vec3 eyes[HW_CELL_CORNERS];
     uint32_t eye_count = hw_svmesh_eyes(job, false, eyes);
@@ -425,7 +449,7 @@ static bool must_be_near(hw_svmesh_job *job, double *error)
     *error = INFINITY;
     if (job->distance.nearest <= 0 || !in_front(job))
         return true;
-    *error = hw_svmesh_self_occlusion(job);
+    *error = hw_svmesh_self_occlusion(job, options->impostor_px);
     if (*error < options->self_occlusion_px)
         return false;
     const hw_object *object = &job->scene->objects[job->object_idx];

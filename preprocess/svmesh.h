@@ -106,10 +106,13 @@ const hw_svmesh_policy *hw_policy_find(const char *name);
 // of the object faces the cell.
 HW_MUST_USE hw_status hw_svmesh_derive(hw_svmesh_job *job, bool *is_near, hw_svmesh *out);
 
+// The self-occluding error of whatever is inside the box, at most, for a cell of this side round
+// the view's centre, pixels.
+double hw_svmesh_self_occlusion_bound(const hw_cell_view *view, double side, hw_box box);
 // The self-occluding error of the object, from its distance to the cell's centre and the depth of
-// what of it faces the cell, pixels; 0 if nothing does. Of the job, view, scene, chain and
-// object_idx count.
-double hw_svmesh_self_occlusion(const hw_svmesh_job *job);
+// what of it faces the cell, pixels; 0 if nothing does. The bound above instead where that is below
+// `enough`. Of the job, view, scene, chain and object_idx count.
+double hw_svmesh_self_occlusion(const hw_svmesh_job *job, double enough);
 
 // The rest of a derivation: window, quantised vertices, record and capture of a mesh in image
 // space. `cut_out` as in hw_far_record. *fits tells whether the capture is not too large; *out is

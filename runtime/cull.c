@@ -114,27 +114,3 @@ float hw_box_distance(hw_box box, hw_vec3 point)
     hw_vec3 d = hw_v3_max(hw_v3_max(below, above), hw_v3(0, 0, 0));
     return hw_v3_length(d);
 }
-
-double hw_mat4_stretch(const hw_mat4 *m)
-{
-    double largest = 0;
-    for (int i = 0; i < 3; i++) {
-        double row = 0;
-        for (int j = 0; j < 3; j++) {
-            double dot = 0;
-            for (int k = 0; k < 3; k++)
-                dot += m->m[i * 4 + k] * m->m[j * 4 + k];
-            row += fabs(dot);
-        }
-        largest = fmax(largest, row);
-    }
-    return sqrt(largest);
-}
-
-bool hw_mat4_mirrors(const hw_mat4 *m)
-{
-    const double *a = m->m, *b = m->m + 4, *c = m->m + 8;
-    return a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0]) +
-               a[2] * (b[0] * c[1] - b[1] * c[0]) <
-           0;
-}

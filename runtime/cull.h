@@ -29,8 +29,3 @@ void hw_cull_sort(hw_cull_item *items, uint32_t count, hw_cull_item *scratch);
 
 // Distance from a point to a box; 0 inside.
 float hw_box_distance(hw_box box, hw_vec3 point);
-// The largest factor by which an affine matrix stretches a length: exact for rotations with uniform
-// scale, else an upper bound (Gershgorin's on A^T A).
-double hw_mat4_stretch(const hw_mat4 *m);
-// Whether it mirrors (determinant of the upper 3x3 below 0), so that front faces turn clockwise.
-bool hw_mat4_mirrors(const hw_mat4 *m);

@@ -163,9 +163,25 @@ static void boxes_hold_what_they_bound(void **state)
     assert_near((double)moved.min.x, 100 - half, 1e-4);
 }
 
+static void test_stretch_and_mirrors(void **state)
+{
+    (void)state;
+    hw_mat4 turn = hw_mat4_mul(hw_mat4_rotation_z(0.7), hw_mat4_scale(3, 3, 3));
+    assert_true(fabs(hw_mat4_stretch(&turn) - 3) < 1e-12);
+    hw_mat4 uneven = hw_mat4_mul(hw_mat4_rotation_z(0.7), hw_mat4_scale(1, 5, 2));
+    assert_true(fabs(hw_mat4_stretch(&uneven) - 5) < 1e-12);
+    hw_mat4 shear = hw_mat4_mul(uneven, hw_mat4_rotation_z(1.1));
+    double stretch = hw_mat4_stretch(&shear);
+    assert_true(stretch >= 5 - 1e-9 && stretch < 8);
+    assert_false(hw_mat4_mirrors(&turn));
+    hw_mat4 mirror = hw_mat4_mul(turn, hw_mat4_scale(1, 1, -1));
+    assert_true(hw_mat4_mirrors(&mirror));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_stretch_and_mirrors),
         cmocka_unit_test(vectors),
         cmocka_unit_test(boxes),
         cmocka_unit_test(products_apply_right_to_left),

@@ -16,7 +16,7 @@ static void set_stage(stage *s, hw_mesh *mesh, hw_mat4 transform, const hw_image
     if (texture)
         s->scene.materials[0].texture = *texture;
     assert_int_equal(hw_rays_create_scene(&s->rays, &s->scene), HW_OK);
-    assert_int_equal(hw_capturer_create(&s->scene, s->rays, &s->capturer), HW_OK);
+    assert_int_equal(hw_capturer_create(&s->scene, s->rays, NULL, &s->capturer), HW_OK);
 }
 
 static void clear_stage(stage *s)
@@ -29,7 +29,7 @@ static void clear_stage(stage *s)
 static hw_capture capture(const stage *s, hw_capture_window window, uint32_t samples)
 {
     hw_capture out;
-    assert_int_equal(hw_capture_object(s->capturer, 0, &window, samples, &out), HW_OK);
+    assert_int_equal(hw_capture_object(s->capturer, 0, &window, samples, 0, &out), HW_OK);
     assert_int_equal(out.width, window.width);
     assert_int_equal(out.height, window.height);
     return out;
@@ -292,7 +292,7 @@ static void test_failures(void **state)
     hw_capture out;
     for (uint64_t n = 1;; n++) {
         hw_alloc_fail_after(n);
-        hw_status status = hw_capture_object(s.capturer, 0, &window, 2, &out);
+        hw_status status = hw_capture_object(s.capturer, 0, &window, 2, 0, &out);
         hw_alloc_fail_after(0);
         if (status == HW_OK)
             break;
@@ -301,14 +301,14 @@ static void test_failures(void **state)
     }
     hw_capture_free(&out);
     window.width = 0;
-    assert_int_equal(hw_capture_object(s.capturer, 0, &window, 2, &out), HW_USAGE);
+    assert_int_equal(hw_capture_object(s.capturer, 0, &window, 2, 0, &out), HW_USAGE);
     window.width = 4;
     window.x_max = window.x_min;
-    assert_int_equal(hw_capture_object(s.capturer, 0, &window, 2, &out), HW_USAGE);
+    assert_int_equal(hw_capture_object(s.capturer, 0, &window, 2, 0, &out), HW_USAGE);
     hw_capturer *capturer = NULL;
     hw_free(s.scene.meshes[0].normals);
     s.scene.meshes[0].normals = NULL;
-    assert_int_equal(hw_capturer_create(&s.scene, s.rays, &capturer), HW_USAGE);
+    assert_int_equal(hw_capturer_create(&s.scene, s.rays, NULL, &capturer), HW_USAGE);
     assert_null(capturer);
     clear_stage(&s);
     hw_capturer_destroy(NULL);
@@ -328,15 +328,15 @@ static void test_several_objects(void **state)
     s.scene = shape_scene(meshes, transforms, 2);
     hw_scene_update_bounds(&s.scene);
     assert_int_equal(hw_rays_create_scene(&s.rays, &s.scene), HW_OK);
-    assert_int_equal(hw_capturer_create(&s.scene, s.rays, &s.capturer), HW_OK);
+    assert_int_equal(hw_capturer_create(&s.scene, s.rays, NULL, &s.capturer), HW_OK);
     const int face = hw_face_towards(1, 0);
     hw_capture_window window = {{0, 0, 0}, face, -0.8f, 0.8f, -0.2f, 0.2f, 96, 40};
     hw_capture alone[2], both, reversed;
     const uint32_t order[2] = {0, 1}, backwards[2] = {1, 0};
     for (uint32_t i = 0; i < 2; i++)
-        assert_int_equal(hw_capture_object(s.capturer, i, &window, 1, &alone[i]), HW_OK);
-    assert_int_equal(hw_capture_objects(s.capturer, order, 2, &window, 1, &both), HW_OK);
-    assert_int_equal(hw_capture_objects(s.capturer, backwards, 2, &window, 1, &reversed), HW_OK);
+        assert_int_equal(hw_capture_object(s.capturer, i, &window, 1, 0, &alone[i]), HW_OK);
+    assert_int_equal(hw_capture_objects(s.capturer, order, 2, &window, 1, 0, &both), HW_OK);
+    assert_int_equal(hw_capture_objects(s.capturer, backwards, 2, &window, 1, 0, &reversed), HW_OK);
     uint32_t shared = 0, single = 0, none = 0;
     for (uint32_t i = 0; i < 96 * 40; i++) {
         float nearest = fminf(alone[0].depths[i], alone[1].depths[i]);

@@ -35,7 +35,7 @@ static void set_stage(stage *s, const ball balls[OBJECTS])
     for (uint32_t i = 0; i < OBJECTS; i++)
         assert_int_equal(hw_chain_make(&s->scene.meshes[i], &chain, &s->chains[i]), HW_OK);
     assert_int_equal(hw_rays_create_scene(&s->rays, &s->scene), HW_OK);
-    assert_int_equal(hw_capturer_create(&s->scene, s->rays, &s->capturer), HW_OK);
+    assert_int_equal(hw_capturer_create(&s->scene, s->rays, NULL, &s->capturer), HW_OK);
     assert_int_equal(hw_occlusion_create(&s->occlusion, &s->scene, s->rays, &s->grid, &occlusion),
                      HW_OK);
 }

@@ -59,7 +59,7 @@ static void set_stage(stage *s)
                                   .capture_side_max = 1024,
                                   .capture_samples = 2};
     assert_int_equal(hw_rays_create_scene(&s->rays, &s->scene), HW_OK);
-    assert_int_equal(hw_capturer_create(&s->scene, s->rays, &s->capturer), HW_OK);
+    assert_int_equal(hw_capturer_create(&s->scene, s->rays, NULL, &s->capturer), HW_OK);
 }
 
 static void clear_stage(stage *s)

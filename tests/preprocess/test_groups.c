@@ -1,0 +1,80 @@
+// Groups of cells: each object is left to one level, whatever was asked before.
+#include "groups.h"
+#include "hierarchy.h"
+#include "rng.h"
+#include "shapes.h"
+
+#define OBJECTS 40u
+#define LEVELS  3
+
+typedef struct stage {
+    hw_scene scene;
+    hw_chain chains[OBJECTS]; // of the original alone
+    hw_mesh_level_info infos[OBJECTS];
+    hw_hexgrid grid;
+    hw_far_options far;
+} stage;
+
+static void set_stage(stage *s)
+{
+    hw_mesh meshes[OBJECTS];
+    hw_mat4 places[OBJECTS];
+    hw_rng rng = hw_rng_make(1, 1);
+    for (uint32_t i = 0; i < OBJECTS; i++) {
+        meshes[i] = shape_sphere(hw_v3(0, 0, 0), 2 + 6 * hw_rng_float(&rng), 24, 12);
+        places[i] = hw_mat4_translation(3000.0 * hw_rng_float(&rng) - 1500,
+                                        3000.0 * hw_rng_float(&rng) - 1500, 8);
+    }
+    s->scene = shape_scene(meshes, places, OBJECTS);
+    for (uint32_t i = 0; i < OBJECTS; i++) {
+        s->infos[i] = (hw_mesh_level_info){.index_count = s->scene.meshes[i].index_count};
+        s->chains[i] = (hw_chain){1, &s->scene.meshes[i], &s->infos[i]};
+    }
+    s->grid = (hw_hexgrid){
+        .cell_size = 20, .z_min = 8, .z_max = 16, .columns = 40, .rows = 40, .levels = LEVELS};
+    s->far = (hw_far_options){.self_occlusion_px = 20, .impostor_px = 1, .capture_side_max = 1024};
+}
+
+static hw_groups *make_groups(const stage *s)
+{
+    hw_groups *groups;
+    assert_int_equal(hw_groups_create(&s->grid, &s->scene, s->chains, &s->far, &groups), HW_OK);
+    return groups;
+}
+
+static void one_level_each_whatever_was_asked(void **state)
+{
+    (void)state;
+    stage s;
+    set_stage(&s);
+    hw_groups *groups = make_groups(&s);
+    hw_rng rng = hw_rng_make(2, 2);
+    uint32_t by_level[LEVELS] = {0};
+    for (int i = 0; i < 400; i++) {
+        hw_cell_id cell = {0, (int32_t)hw_rng_below(&rng, 40), (int32_t)hw_rng_below(&rng, 40)};
+        hw_groups *fresh = make_groups(&s);
+        for (int k = 0; k < 20; k++) {
+            uint32_t object = hw_rng_below(&rng, OBJECTS), drawn = 0;
+            for (int32_t l = 0; l < LEVELS; l++) {
+                hw_cell_id of_level = hw_cell_ancestor(cell, l);
+                bool left = hw_groups_leave_to(groups, of_level, object);
+                assert_int_equal(left, hw_groups_leave_to(fresh, of_level, object));
+                drawn += left;
+                by_level[l] += left;
+            }
+            assert_int_equal(drawn, 1);
+        }
+        hw_groups_destroy(fresh);
+    }
+    for (int l = 0; l < LEVELS; l++)
+        assert_true(by_level[l] > 100);
+    hw_groups_destroy(groups);
+    assert_true(hw_groups_leave_to(NULL, (hw_cell_id){0}, 0));
+    hw_scene_free(&s.scene);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(one_level_each_whatever_was_asked)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
