@@ -6,7 +6,7 @@
 #include <malloc.h>
 
 #define MAPPED_BYTES (128 << 10)
-#define KEPT_BYTES   (1 << 20)
+#define KEPT_BYTES   (8 << 20)
 
 #ifdef __SANITIZE_ADDRESS__
 // OSMesa keeps some hundred bytes of every context for good.
@@ -53,7 +53,7 @@ static hw_status osmesa_create(const hw_context_desc *desc, void **state)
     // Software GL keeps textures and buffers in the process's heap. By default glibc raises the
     // size from which it maps blocks of their own with every large block freed, and a walk that
     // loads and drops cells would tear the heap to pieces: 40 MB after a minute. With textures and
-    // buffers mapped one by one it stays whole, and what is freed is gone; a frame maps none.
+    // buffers mapped one by one it stays whole, and what is freed is gone.
     mallopt(M_MMAP_THRESHOLD, MAPPED_BYTES);
     mallopt(M_TRIM_THRESHOLD, KEPT_BYTES);
     mallopt(M_ARENA_MAX, 2); // the drawing thread's, and one for all others: 3 MB less
