@@ -5,8 +5,8 @@
 #include <GL/osmesa.h>
 #include <malloc.h>
 
-#define MAPPED_BYTES (4 << 20)
-#define KEPT_BYTES   (32 << 20)
+#define MAPPED_BYTES (128 << 10)
+#define KEPT_BYTES   (8 << 20)
 
 #ifdef __SANITIZE_ADDRESS__
 // OSMesa keeps some hundred bytes of every context for good.
@@ -52,7 +52,8 @@ static hw_status osmesa_create(const hw_context_desc *desc, void **state)
 #ifdef __GLIBC__
     // Software GL keeps textures and buffers in the process's heap. By default glibc raises the
     // size from which it maps blocks of their own with every large block freed, and a walk that
-    // loads and drops cells would tear the heap to pieces: 40 MB after a minute.
+    // loads and drops cells would tear the heap to pieces: 40 MB after a minute. With textures and
+    // buffers mapped one by one it stays whole, and what is freed is gone.
     mallopt(M_MMAP_THRESHOLD, MAPPED_BYTES);
     mallopt(M_TRIM_THRESHOLD, KEPT_BYTES);
     mallopt(M_ARENA_MAX, 2); // the drawing thread's, and one for all others: 3 MB less

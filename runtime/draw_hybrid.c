@@ -217,6 +217,7 @@ static hw_status hybrid_draw(void *state, const hw_camera *camera, hw_frame_stat
     hw_hybrid_draw_near(h, view.near_count, &view.matrix, stats);
     hw_hybrid_draw_far(h, &view.cells, camera->eye, &view.matrix, &view.frustum, stats);
     glBindVertexArray(0);
+    hw_gpu_pace_end(&h->pace);
     stats->triangles += stats->near_triangles + stats->far_triangles;
     stats->hidden = h->hidden_count;
     return HW_OK;

@@ -10,7 +10,8 @@
 #define VALUE(x)     STRINGIZE(x)
 #define CONSTANT(x)  "#define " #x " " VALUE(x) "\n"
 
-#define PACE_TRIANGLES 10000u // between flushes
+#define PACE_TRIANGLES 10000u      // between flushes
+#define PACE_WAIT_NS   1000000000u // longer, and the memory is spent
 
 // The constants exist once, in appearance.h. (In GLSL ES the first line would be
 // "#version 300 es\nprecision highp float;".)
@@ -255,8 +256,21 @@ void hw_gpu_pace_add(hw_gpu_pace *pace, uint32_t triangles)
 void hw_gpu_pace_flush(hw_gpu_pace *pace)
 {
     pace->triangles = 0;
-    if (hw_gpu_is_software())
-        glFlush();
+    if (!hw_gpu_is_software())
+        return;
+    if (pace->flushed) {
+        (void)glClientWaitSync(pace->flushed, 0, PACE_WAIT_NS);
+        glDeleteSync(pace->flushed);
+    }
+    pace->flushed = glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
+    glFlush();
+}
+
+void hw_gpu_pace_end(hw_gpu_pace *pace)
+{
+    if (pace->flushed)
+        glDeleteSync(pace->flushed);
+    *pace = (hw_gpu_pace){0};
 }
 
 uint32_t hw_gpu_index_bytes(uint32_t vertex_count)

@@ -63,13 +63,18 @@ void hw_gpu_texture_destroy(hw_gpu_account *account, hw_gpu_texture *texture);
 bool hw_gpu_is_software(void);
 // Software GL collects a frame's triangles on the calling thread and rasterises them on others once
 // it is flushed. Flushing now and then lets both go on at the same time: a fifth to a quarter off a
-// frame on two processors. Zero-initialise per frame; does nothing on hardware.
+// frame on two processors. What is collected takes some 400 bytes a triangle until it is
+// rasterised, so a flush waits for the one before: no more than two pieces are kept, where a whole
+// frame would be. Zero-initialise and end per frame; does nothing on hardware.
 typedef struct hw_gpu_pace {
     uint32_t triangles; // since the last flush
+    GLsync flushed;     // signalled when what the last flush handed over is rasterised
 } hw_gpu_pace;
 void hw_gpu_pace_add(hw_gpu_pace *pace, uint32_t triangles);
 // At once (after the clear, which fills the whole target).
 void hw_gpu_pace_flush(hw_gpu_pace *pace);
+// Flushes nothing, waits for nothing.
+void hw_gpu_pace_end(hw_gpu_pace *pace);
 
 // Image of 1, 3 or 4 channels into RGBA (alpha 255) of 4 bytes a pixel. No GL.
 void hw_gpu_expand_rgba(const hw_image *image, uint8_t *rgba);

@@ -234,4 +234,5 @@ void hw_shaded_end(hw_shaded_pass *pass)
         glFrontFace(GL_CCW);
     pass->mirrored = false;
     glBindVertexArray(0);
+    hw_gpu_pace_end(&pass->pace);
 }

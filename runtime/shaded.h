@@ -68,5 +68,5 @@ typedef struct hw_shaded_pass {
 void hw_shaded_draw(hw_shaded_pass *pass, const hw_shaded_scene *scene,
                     const hw_shaded_object *object, const hw_shaded_mesh *mesh,
                     const hw_mat4 *view_projection, hw_frame_stats *stats);
-// Ends a pass: front faces are counter-clockwise again.
+// Ends a pass and its pace: front faces are counter-clockwise again.
 void hw_shaded_end(hw_shaded_pass *pass);

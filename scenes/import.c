@@ -9,11 +9,32 @@
 #include <assimp/material.h>
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
+#include <dlfcn.h>
+#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
 
 #define NONE      UINT32_MAX
 #define DEPTH_MAX 1000 // nesting of nodes
+
+static pthread_once_t assimp_once = PTHREAD_ONCE_INIT;
+
+// What is called of Assimp. It is loaded when the first model is read: with the libraries that it
+// needs it takes memory that a walk through a dataset is better without.
+static struct {
+    const struct aiScene *(*import_file)(const char *, unsigned);
+    const struct aiScene *(*import_memory)(const char *, unsigned, unsigned, const char *);
+    void (*release)(const struct aiScene *);
+    const char *(*error)(void);
+    enum aiReturn (*texture)(const struct aiMaterial *, enum aiTextureType, unsigned,
+                             struct aiString *, enum aiTextureMapping *, unsigned *, ai_real *,
+                             enum aiTextureOp *, enum aiTextureMapMode *, unsigned *);
+    enum aiReturn (*string)(const struct aiMaterial *, const char *, unsigned, unsigned,
+                            struct aiString *);
+    enum aiReturn (*color)(const struct aiMaterial *, const char *, unsigned, unsigned,
+                           struct aiColor4D *);
+    bool loaded;
+} assimp;
 
 typedef struct importer {
     const char *path;
@@ -247,7 +268,7 @@ static bool base_texture(const struct aiMaterial *material, struct aiString *pat
     static const enum aiTextureType types[] = {aiTextureType_BASE_COLOR, aiTextureType_DIFFUSE};
     for (int i = 0; i < 2; i++) {
         unsigned uv = 0;
-        if (aiGetMaterialTexture(material, types[i], 0, path, NULL, &uv, NULL, NULL, NULL, NULL) ==
+        if (assimp.texture(material, types[i], 0, path, NULL, &uv, NULL, NULL, NULL, NULL) ==
             aiReturn_SUCCESS) {
             *channel = uv;
             return path->length > 0;
@@ -361,14 +382,14 @@ static void base_color(const importer *in, const struct aiMaterial *source, floa
 {
     struct aiString name = {0};
     struct aiColor4D c = {1, 1, 1, 1};
-    (void)aiGetMaterialString(source, AI_MATKEY_NAME, &name);
+    (void)assimp.string(source, AI_MATKEY_NAME, &name);
     // Assimp's own gray, for models without materials, is no colour of theirs.
     bool bare = in->kind == HW_MODEL_PLY || in->kind == HW_MODEL_OFF || in->kind == HW_MODEL_STL;
     bool invented =
         bare || (in->kind != HW_MODEL_GLTF && (strcmp(name.data, AI_DEFAULT_MATERIAL_NAME) == 0 ||
                                                strcmp(name.data, "%%%DEFAULT") == 0));
-    if (!invented && aiGetMaterialColor(source, AI_MATKEY_BASE_COLOR, &c) != aiReturn_SUCCESS &&
-        aiGetMaterialColor(source, AI_MATKEY_COLOR_DIFFUSE, &c) != aiReturn_SUCCESS)
+    if (!invented && assimp.color(source, AI_MATKEY_BASE_COLOR, &c) != aiReturn_SUCCESS &&
+        assimp.color(source, AI_MATKEY_COLOR_DIFFUSE, &c) != aiReturn_SUCCESS)
         c = (struct aiColor4D){1, 1, 1, 1};
     const float rgb[3] = {c.r, c.g, c.b};
     for (int k = 0; k < 3; k++)
@@ -386,7 +407,7 @@ static hw_status convert_materials(importer *in)
         in->material_map[i] = in->scene->material_count;
         hw_material *out = &in->scene->materials[in->scene->material_count++];
         struct aiString name = {0};
-        (void)aiGetMaterialString(source->mMaterials[i], AI_MATKEY_NAME, &name);
+        (void)assimp.string(source->mMaterials[i], AI_MATKEY_NAME, &name);
         HW_TRY(hw_strdup(&out->name, name.data));
         base_color(in, source->mMaterials[i], out->base_color);
         HW_TRY(read_texture(in, source->mMaterials[i], &out->texture));
@@ -488,10 +509,30 @@ static hw_mat4 upright(hw_model_kind kind)
 
 // ---- Reading ------------------------------------------------------------------------------------
 
+// ISO C has no conversion between pointers to objects and to functions; POSIX has.
+static bool find(void *library, const char *name, void *function)
+{
+    void *symbol = dlsym(library, name);
+    memcpy(function, &symbol, sizeof symbol);
+    return symbol != NULL;
+}
+
+static void load_assimp(void)
+{
+    void *library = dlopen("libassimp.so.5", RTLD_NOW | RTLD_LOCAL);
+    assimp.loaded = library && find(library, "aiImportFile", &assimp.import_file) &&
+                    find(library, "aiImportFileFromMemory", &assimp.import_memory) &&
+                    find(library, "aiReleaseImport", &assimp.release) &&
+                    find(library, "aiGetErrorString", &assimp.error) &&
+                    find(library, "aiGetMaterialTexture", &assimp.texture) &&
+                    find(library, "aiGetMaterialString", &assimp.string) &&
+                    find(library, "aiGetMaterialColor", &assimp.color);
+}
+
 static hw_status assimp_error(const char *path)
 {
     char text[256];
-    const char *source = aiGetErrorString();
+    const char *source = assimp.error();
     size_t n = 0;
     for (; source && source[n] && n + 1 < sizeof text; n++)
         text[n] = (unsigned char)source[n] < ' ' ? ' ' : source[n];
@@ -522,10 +563,16 @@ static hw_status read_source(const char *path, const struct aiScene **out)
     const unsigned flags = aiProcess_ValidateDataStructure;
     hw_model_facts facts;
     HW_TRY(hw_import_check(path, &facts));
+    pthread_once(&assimp_once, load_assimp);
+    if (!assimp.loaded) {
+        hw_free(facts.text);
+        return hw_fail(HW_IO, "%s: models need Assimp (libassimp.so.5), which cannot be loaded",
+                       path);
+    }
     if (facts.text)
-        *out = aiImportFileFromMemory(facts.text, (unsigned)facts.text_bytes, flags, "off");
+        *out = assimp.import_memory(facts.text, (unsigned)facts.text_bytes, flags, "off");
     else
-        *out = aiImportFile(path, flags);
+        *out = assimp.import_file(path, flags);
     hw_free(facts.text);
     if (!*out)
         return assimp_error(path);
@@ -554,7 +601,7 @@ static hw_status convert(importer *in)
 static void importer_free(importer *in)
 {
     if (in->source)
-        aiReleaseImport(in->source);
+        assimp.release(in->source);
     hw_free(in->mesh_used);
     hw_free(in->material_used);
     hw_free(in->mesh_map);

@@ -96,10 +96,11 @@ static hw_status run_frames(walk *w)
 
 static hw_status open_window(walk *w)
 {
-    hw_context_desc desc = {.kind =
-                                walk_opt.random_walk > 0 ? HW_CONTEXT_OFFSCREEN : HW_CONTEXT_WINDOW,
-                            .width = walk_opt.size[0],
-                            .height = walk_opt.size[1],
+    // A random walk draws into a target of its own: what the context has is only memory.
+    bool random = walk_opt.random_walk > 0;
+    hw_context_desc desc = {.kind = random ? HW_CONTEXT_OFFSCREEN : HW_CONTEXT_WINDOW,
+                            .width = random ? 16 : walk_opt.size[0],
+                            .height = random ? 16 : walk_opt.size[1],
                             .title = "Hexwalk",
                             .samples = walk_samples(),
                             .fullscreen = walk_opt.fullscreen};
