@@ -10,7 +10,7 @@
 #define VALUE(x)     STRINGIZE(x)
 #define CONSTANT(x)  "#define " #x " " VALUE(x) "\n"
 
-#define PACE_TRIANGLES 10000u      // between flushes
+#define PACE_TRIANGLES 5000u       // between flushes
 #define PACE_WAIT_NS   1000000000u // longer, and the memory is spent
 
 // The constants exist once, in appearance.h. (In GLSL ES the first line would be
@@ -258,18 +258,20 @@ void hw_gpu_pace_flush(hw_gpu_pace *pace)
     pace->triangles = 0;
     if (!hw_gpu_is_software())
         return;
-    if (pace->flushed) {
-        (void)glClientWaitSync(pace->flushed, 0, PACE_WAIT_NS);
-        glDeleteSync(pace->flushed);
+    GLsync *oldest = &pace->flushed[pace->flush_count++ % HW_GPU_PACE_PIECES];
+    if (*oldest) {
+        (void)glClientWaitSync(*oldest, 0, PACE_WAIT_NS);
+        glDeleteSync(*oldest);
     }
-    pace->flushed = glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
+    *oldest = glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
     glFlush();
 }
 
 void hw_gpu_pace_end(hw_gpu_pace *pace)
 {
-    if (pace->flushed)
-        glDeleteSync(pace->flushed);
+    for (uint32_t i = 0; i < HW_GPU_PACE_PIECES; i++)
+        if (pace->flushed[i])
+            glDeleteSync(pace->flushed[i]);
     *pace = (hw_gpu_pace){0};
 }
 

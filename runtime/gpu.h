@@ -64,11 +64,13 @@ bool hw_gpu_is_software(void);
 // Software GL collects a frame's triangles on the calling thread and rasterises them on others once
 // it is flushed. Flushing now and then lets both go on at the same time: a fifth to a quarter off a
 // frame on two processors. What is collected takes some 400 bytes a triangle until it is
-// rasterised, so a flush waits for the one before: no more than two pieces are kept, where a whole
-// frame would be. Zero-initialise and end per frame; does nothing on hardware.
+// rasterised, so that no more than a few pieces may wait for it, where a whole frame would: a flush
+// waits for the one HW_GPU_PACE_PIECES before. Zero-initialise and end per frame; does nothing on
+// hardware.
+#define HW_GPU_PACE_PIECES 3u
 typedef struct hw_gpu_pace {
-    uint32_t triangles; // since the last flush
-    GLsync flushed;     // signalled when what the last flush handed over is rasterised
+    uint32_t triangles, flush_count;    // triangles since the last flush
+    GLsync flushed[HW_GPU_PACE_PIECES]; // signalled when what a flush handed over is rasterised
 } hw_gpu_pace;
 void hw_gpu_pace_add(hw_gpu_pace *pace, uint32_t triangles);
 // At once (after the clear, which fills the whole target).
