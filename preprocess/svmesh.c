@@ -369,7 +369,10 @@ double hw_svmesh_self_occlusion(const hw_svmesh_job *job, double enough)
     }
     if (!(least < INFINITY))
         return 0; // nothing faces the cell
-    return hw_self_occluding_error(job->view->size, least, most - least, HW_REFERENCE_IMAGE_PX);
+    // Simplified levels may reach beyond the object, and groups promise by the bound.
+    return fmin(
+        hw_self_occluding_error(job->view->size, least, most - least, HW_REFERENCE_IMAGE_PX),
+        bound);
 }
 
 // Whether the whole object lies in front of the plane through the cell centre that its window is

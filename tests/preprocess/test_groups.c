@@ -73,8 +73,35 @@ static void one_level_each_whatever_was_asked(void **state)
     hw_scene_free(&s.scene);
 }
 
+// Levels of a chain may reach beyond the object, which a group has promised to draw by its box.
+static void no_error_is_above_its_bound(void **state)
+{
+    (void)state;
+    stage s;
+    set_stage(&s);
+    for (uint32_t i = 0; i < OBJECTS; i++)
+        for (uint32_t v = 0; v < s.scene.meshes[i].vertex_count; v++)
+            s.scene.meshes[i].positions[v] = hw_v3_scale(s.scene.meshes[i].positions[v], 3);
+    hw_rng rng = hw_rng_make(3, 3);
+    for (int i = 0; i < 300; i++) {
+        hw_cell_id cell = {0, (int32_t)hw_rng_below(&rng, 40), (int32_t)hw_rng_below(&rng, 40)};
+        hw_cell_view view =
+            hw_cell_view_make(&s.grid, hw_cell_ancestor(cell, (int32_t)hw_rng_below(&rng, LEVELS)));
+        uint32_t object_idx = hw_rng_below(&rng, OBJECTS);
+        const hw_svmesh_job job = {.view = &view,
+                                   .scene = &s.scene,
+                                   .chain = &s.chains[object_idx],
+                                   .object_idx = object_idx};
+        double bound =
+            hw_svmesh_self_occlusion_bound(&view, view.size, s.scene.objects[object_idx].bounds);
+        assert_true(hw_svmesh_self_occlusion(&job, 0) <= bound);
+    }
+    hw_scene_free(&s.scene);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(one_level_each_whatever_was_asked)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(one_level_each_whatever_was_asked),
+                                       cmocka_unit_test(no_error_is_above_its_bound)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
