@@ -56,11 +56,18 @@ uint64_t hw_rss_peak_bytes(void)
     return status_line_bytes("VmHWM:");
 }
 
-void hw_memory_trim(void)
+void hw_memory_map_blocks(void)
 {
 #ifdef __GLIBC__
     (void)mallopt(M_MMAP_THRESHOLD, 128 * 1024);
-    (void)mallopt(M_ARENA_MAX, 2);
+    (void)mallopt(M_ARENA_MAX, 2); // the first thread's, and one for all others
+#endif
+}
+
+void hw_memory_trim(void)
+{
+    hw_memory_map_blocks();
+#ifdef __GLIBC__
     (void)malloc_trim(0);
 #endif
 }

@@ -567,7 +567,7 @@ out:
         b->report->near_records_mean = (double)b->near_records / made;
     }
     b->report->scratch_bytes = hw_budget_scratch_bytes(b->budget);
-    b->report->tree_builds = hw_rays_builds(b->rays);
+    b->report->tree_builds = hw_rays_builds(b->rays) + hw_details_builds(b->details);
     b->report->cell_seconds = (hw_clock_ms() - start) / 1000;
     return status;
 }

@@ -38,11 +38,7 @@ uint32_t hw_near_level(const hw_chain *chain, double scale, double distance, dou
     if (chain->levels[0].uvs || !(distance > 0))
         return 0;
     double bound = error_px * distance / (focal_px * scale);
-    uint32_t l = 0, step = HW_NEAR_LEVEL_STRIDE;
-    while (l + step < chain->level_count &&
-           (double)hw_mesh_level_error(&chain->infos[l + step]) <= bound)
-        l += step;
-    return l / step;
+    return hw_chain_level_to_draw(chain, HW_NEAR_LEVEL_STRIDE, bound) / HW_NEAR_LEVEL_STRIDE;
 }
 
 static hw_status add_object(const hw_cell_inputs *in, const hw_cell_view *view,

@@ -178,3 +178,12 @@ uint32_t hw_chain_level_by_error(const hw_chain *chain, double bound)
         l++;
     return l;
 }
+
+uint32_t hw_chain_level_to_draw(const hw_chain *chain, uint32_t stride, double bound)
+{
+    uint32_t l = 0;
+    while (l + stride < chain->level_count &&
+           (double)hw_mesh_level_error(&chain->infos[l + stride]) <= bound)
+        l += stride;
+    return l;
+}

@@ -8,7 +8,7 @@
 // before; errors never fall with the level. Levels carry positions, normals recomputed from their
 // own geometry, and colours taken from the closest point of the original, or both fitted to the
 // original's (fit_shading.h). A mesh with uvs has no further levels to draw (seams cannot be kept),
-// but its levels still serve as geometry for captures.
+// but its levels still serve as geometry of stand-ins.
 typedef struct hw_chain {
     uint32_t level_count;
     hw_mesh *levels;
@@ -35,3 +35,5 @@ void hw_chain_free(hw_chain *chain);
 // (mesh units). 0 if none but the original is.
 uint32_t hw_chain_level_by_silhouette(const hw_chain *chain, double bound);
 uint32_t hw_chain_level_by_error(const hw_chain *chain, double bound);
+// The same by hw_mesh_level_error, of every `stride`-th level.
+uint32_t hw_chain_level_to_draw(const hw_chain *chain, uint32_t stride, double bound);

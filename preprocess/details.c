@@ -64,12 +64,16 @@ void hw_details_destroy(hw_details *d)
     hw_free(d);
 }
 
+uint64_t hw_details_builds(const hw_details *d)
+{
+    return hw_rays_builds(d->rays);
+}
+
 hw_detail hw_details_choose(const hw_details *d, uint32_t mesh_idx, double error)
 {
-    uint32_t k = 0, count = detail_count(&d->chains[mesh_idx]);
-    while (k < count &&
-           (double)hw_mesh_level_error(&d->chains[mesh_idx].infos[(k + 1) * STRIDE]) <= error)
-        k++;
+    const hw_chain *chain = &d->chains[mesh_idx];
+    uint32_t k =
+        detail_count(chain) > 0 ? hw_chain_level_to_draw(chain, STRIDE, error) / STRIDE : 0;
     if (k == 0)
         return (hw_detail){&d->scene->meshes[mesh_idx], d->scene_rays, mesh_idx};
     uint32_t place = d->first[mesh_idx] + k - 1;

@@ -20,6 +20,9 @@ HW_MUST_USE hw_status hw_details_create(const hw_scene *scene, const hw_rays *sc
                                         hw_details **out);
 void hw_details_destroy(hw_details *details);
 
+// Trees of levels built so far. Thread-safe.
+uint64_t hw_details_builds(const hw_details *details);
+
 // The coarsest detail of a mesh whose error (hw_mesh_level_error) is at most `error`, mesh units;
 // the original if none is. Thread-safe.
 hw_detail hw_details_choose(const hw_details *details, uint32_t mesh_idx, double error);

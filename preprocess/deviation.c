@@ -48,16 +48,17 @@ static void add_sample(side *s, double d)
 
 // What a mesh shows at a point of its surface.
 typedef struct shade {
-    float values[LIGHTS];
+    float values[LIGHTS][3]; // red, green, blue
     hw_vec3 normal;
 } shade;
 
-static float luma(const hw_mesh *mesh, uint32_t vertex)
+static void color_of(const hw_mesh *mesh, uint32_t vertex, float out[3])
 {
-    if (!mesh->colors)
-        return 1;
-    hw_color8 c = mesh->colors[vertex];
-    return hw_luma_of(c.r, c.g, c.b) / 255;
+    static const hw_color8 white = {255, 255, 255, 255};
+    hw_color8 c = mesh->colors ? mesh->colors[vertex] : white;
+    out[0] = (float)c.r / 255;
+    out[1] = (float)c.g / 255;
+    out[2] = (float)c.b / 255;
 }
 
 // The light comes from one side always; but objects stand turned.
@@ -72,10 +73,14 @@ static void shade_at(const hw_mesh *mesh, uint32_t triangle, const float w[3], s
     memset(out, 0, sizeof *out);
     for (int i = 0; i < 3; i++) {
         uint32_t v = mesh->indices[3 * (size_t)triangle + (size_t)i];
-        float weight = w[i] * luma(mesh, v);
+        float color[3];
+        color_of(mesh, v, color);
         out->normal = hw_v3_mad(out->normal, mesh->normals[v], w[i]);
-        for (int k = 0; k < LIGHTS; k++)
-            out->values[k] += weight * hw_light(turned(mesh->normals[v], k));
+        for (int k = 0; k < LIGHTS; k++) {
+            float light = w[i] * hw_light(turned(mesh->normals[v], k));
+            for (int c = 0; c < 3; c++)
+                out->values[k][c] += light * color[c];
+        }
     }
 }
 
@@ -106,10 +111,11 @@ static void add_shading(side *s, const hw_mesh *from, uint32_t triangle, hw_vec3
     shade_at(to, at->triangle_idx, w_to, &b);
     if (!(hw_v3_dot(a.normal, b.normal) > 0))
         return;
-    for (int k = 0; k < LIGHTS; k++) {
-        double d = (double)(a.values[k] - b.values[k]);
-        s->shading_squares += d * d / LIGHTS;
-    }
+    for (int k = 0; k < LIGHTS; k++)
+        for (int c = 0; c < 3; c++) {
+            double d = (double)(a.values[k][c] - b.values[k][c]);
+            s->shading_squares += d * d / (3 * LIGHTS);
+        }
     s->shaded_count++;
 }
 

@@ -13,9 +13,9 @@ typedef struct hw_deviation {
 // figures. `max` also takes each side's vertices into account, those of at most `samples` triangle
 // corners, evenly by index. A seed gives the same points everywhere.
 //
-// What is drawn at a point is the mesh's colour (its luma) in the light of appearance.h, from eight
-// sides at that light's height, made at the vertices and interpolated; points whose closest one
-// faces the other way have no say. 0 unless both meshes have normals.
+// What is drawn at a point is the mesh's colour, channel by channel, in the light of appearance.h,
+// from eight sides at that light's height, made at the vertices and interpolated; points whose
+// closest one faces the other way have no say. 0 unless both meshes have normals.
 //
 // `original_rays` is hw_rays_create_mesh(original). Thread-safe for any levels of one original.
 // HW_USAGE if a mesh has no triangle. Meshes without area are sampled by their vertices alone.

@@ -85,15 +85,10 @@ static bool serves(const hw_groups *groups, const hw_cell_view *view, uint32_t o
            !is_flat_from_cells_only(groups, view, object_idx);
 }
 
-static bool same_cell(hw_cell_id a, hw_cell_id b)
-{
-    return a.level == b.level && a.q == b.q && a.r == b.r;
-}
-
 static bool ask(hw_groups *groups, hw_cell_id id, uint32_t object_idx)
 {
     group *g = &groups->levels[id.level];
-    if (!same_cell(g->view.id, id)) {
+    if (hw_cell_compare(g->view.id, id) != 0) {
         g->view = hw_cell_view_make(groups->grid, id);
         memset(g->answers, UNKNOWN, groups->scene->object_count);
     }

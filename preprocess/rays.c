@@ -449,10 +449,10 @@ static struct RTCIntersectContext packet_context(bool coherent)
     return context;
 }
 
-void hw_rays_cast_many(const hw_rays *rays, hw_vec3 origin, const hw_vec3 *directions,
-                       uint32_t count, float t_min, hw_hit *hits)
+static void cast_many(RTCScene scene, hw_vec3 origin, const hw_vec3 *directions, uint32_t count,
+                      float t_min, bool coherent, hw_hit *hits)
 {
-    struct RTCIntersectContext context = packet_context(true);
+    struct RTCIntersectContext context = packet_context(coherent);
     for (uint32_t first = 0; first < count; first += PACKET) {
         uint32_t n = count - first < PACKET ? count - first : PACKET;
         struct RTCRayHit16 packet;
@@ -460,22 +460,21 @@ void hw_rays_cast_many(const hw_rays *rays, hw_vec3 origin, const hw_vec3 *direc
             set_packet_ray(&packet, i, origin, directions[first + (i < n ? i : 0)], INFINITY);
             packet.ray.tnear[i] = t_min > 0 ? t_min : 0;
         }
-        cast_packet(rays->top, &context, &packet, n, hits + first);
+        cast_packet(scene, &context, &packet, n, hits + first);
     }
+}
+
+void hw_rays_cast_many(const hw_rays *rays, hw_vec3 origin, const hw_vec3 *directions,
+                       uint32_t count, float t_min, hw_hit *hits)
+{
+    cast_many(rays->top, origin, directions, count, t_min, true, hits);
 }
 
 void hw_rays_cast_mesh_many(const hw_rays *rays, uint32_t mesh_idx, hw_vec3 origin,
                             const hw_vec3 *directions, uint32_t count, bool coherent, hw_hit *hits)
 {
     assert(mesh_idx < rays->mesh_count);
-    struct RTCIntersectContext context = packet_context(coherent);
-    for (uint32_t first = 0; first < count; first += PACKET) {
-        uint32_t n = count - first < PACKET ? count - first : PACKET;
-        struct RTCRayHit16 packet;
-        for (uint32_t i = 0; i < PACKET; i++)
-            set_packet_ray(&packet, i, origin, directions[first + (i < n ? i : 0)], INFINITY);
-        cast_packet(rays->mesh_scenes[mesh_idx], &context, &packet, n, hits + first);
-    }
+    cast_many(rays->mesh_scenes[mesh_idx], origin, directions, count, 0, coherent, hits);
 }
 
 void hw_rays_cast_parallel(const hw_rays *rays, const hw_vec3 *origins, hw_vec3 direction,

@@ -452,7 +452,7 @@ static bool must_be_near(hw_svmesh_job *job, double *error)
     *error = INFINITY;
     if (job->distance.nearest <= 0 || !in_front(job))
         return true;
-    *error = hw_svmesh_self_occlusion(job, options->impostor_px);
+    *error = hw_svmesh_self_occlusion(job, fmin(options->impostor_px, options->self_occlusion_px));
     if (*error < options->self_occlusion_px)
         return false;
     const hw_object *object = &job->scene->objects[job->object_idx];

@@ -2,11 +2,11 @@
 // into framebuffer objects (target.c); the block is only the default framebuffer.
 #include "alloc.h"
 #include "context_internal.h"
+#include "system.h"
 #include <GL/osmesa.h>
 #include <malloc.h>
 
-#define MAPPED_BYTES (128 << 10)
-#define KEPT_BYTES   (8 << 20)
+#define KEPT_BYTES (8 << 20)
 
 #ifdef __SANITIZE_ADDRESS__
 // OSMesa keeps some hundred bytes of every context for good.
@@ -49,14 +49,13 @@ static hw_status osmesa_create(const hw_context_desc *desc, void **state)
                                      0};
     hw_status status = HW_OK;
     osmesa_state *s = NULL;
-#ifdef __GLIBC__
     // Software GL keeps textures and buffers in the process's heap. By default glibc raises the
     // size from which it maps blocks of their own with every large block freed, and a walk that
     // loads and drops cells would tear the heap to pieces: 40 MB after a minute. With textures and
     // buffers mapped one by one it stays whole, and what is freed is gone.
-    mallopt(M_MMAP_THRESHOLD, MAPPED_BYTES);
+    hw_memory_map_blocks();
+#ifdef __GLIBC__
     mallopt(M_TRIM_THRESHOLD, KEPT_BYTES);
-    mallopt(M_ARENA_MAX, 2); // the drawing thread's, and one for all others: 3 MB less
 #endif
     HW_GO(HW_NEW(&s, 1));
     HW_GO(hw_alloc((void **)&s->pixels, (size_t)desc->width * 4, desc->height));

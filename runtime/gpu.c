@@ -10,8 +10,7 @@
 #define VALUE(x)     STRINGIZE(x)
 #define CONSTANT(x)  "#define " #x " " VALUE(x) "\n"
 
-#define PACE_TRIANGLES 5000u       // between flushes
-#define PACE_WAIT_NS   1000000000u // longer, and the memory is spent
+#define PACE_WAIT_NS 1000000000u // longer, and the memory is spent
 
 // The constants exist once, in appearance.h. (In GLSL ES the first line would be
 // "#version 300 es\nprecision highp float;".)
@@ -249,7 +248,7 @@ bool hw_gpu_is_software(void)
 void hw_gpu_pace_add(hw_gpu_pace *pace, uint32_t triangles)
 {
     pace->triangles += triangles;
-    if (pace->triangles >= PACE_TRIANGLES)
+    if (pace->triangles >= HW_GPU_PACE_TRIANGLES)
         hw_gpu_pace_flush(pace);
 }
 

@@ -67,7 +67,8 @@ bool hw_gpu_is_software(void);
 // rasterised, so that no more than a few pieces may wait for it, where a whole frame would: a flush
 // waits for the one HW_GPU_PACE_PIECES before. Zero-initialise and end per frame; does nothing on
 // hardware.
-#define HW_GPU_PACE_PIECES 3u
+#define HW_GPU_PACE_TRIANGLES 5000u // of a piece
+#define HW_GPU_PACE_PIECES    3u
 typedef struct hw_gpu_pace {
     uint32_t triangles, flush_count;    // triangles since the last flush
     GLsync flushed[HW_GPU_PACE_PIECES]; // signalled when what a flush handed over is rasterised

@@ -4,7 +4,7 @@
 #include "shaders.h"
 #include <string.h>
 
-#define BATCH_INDICES 30000u // of one draw call, whole triangles
+#define BATCH_INDICES (3 * HW_GPU_PACE_TRIANGLES) // of one draw call
 
 #define STRINGIZE(x) #x
 #define VALUE(x)     STRINGIZE(x)

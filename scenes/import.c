@@ -11,6 +11,7 @@
 #include <assimp/scene.h>
 #include <dlfcn.h>
 #include <pthread.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -22,18 +23,14 @@ static pthread_once_t assimp_once = PTHREAD_ONCE_INIT;
 // What is called of Assimp. It is loaded when the first model is read: with the libraries that it
 // needs it takes memory that a walk through a dataset is better without.
 static struct {
-    const struct aiScene *(*import_file)(const char *, unsigned);
-    const struct aiScene *(*import_memory)(const char *, unsigned, unsigned, const char *);
-    void (*release)(const struct aiScene *);
-    const char *(*error)(void);
-    enum aiReturn (*texture)(const struct aiMaterial *, enum aiTextureType, unsigned,
-                             struct aiString *, enum aiTextureMapping *, unsigned *, ai_real *,
-                             enum aiTextureOp *, enum aiTextureMapMode *, unsigned *);
-    enum aiReturn (*string)(const struct aiMaterial *, const char *, unsigned, unsigned,
-                            struct aiString *);
-    enum aiReturn (*color)(const struct aiMaterial *, const char *, unsigned, unsigned,
-                           struct aiColor4D *);
-    bool loaded;
+    __typeof__(aiImportFile) *import_file;
+    __typeof__(aiImportFileFromMemory) *import_memory;
+    __typeof__(aiReleaseImport) *release;
+    __typeof__(aiGetErrorString) *error;
+    __typeof__(aiGetMaterialTexture) *texture;
+    __typeof__(aiGetMaterialString) *string;
+    __typeof__(aiGetMaterialColor) *color;
+    char problem[256]; // empty: it is there
 } assimp;
 
 typedef struct importer {
@@ -519,14 +516,16 @@ static bool find(void *library, const char *name, void *function)
 
 static void load_assimp(void)
 {
-    void *library = dlopen("libassimp.so.5", RTLD_NOW | RTLD_LOCAL);
-    assimp.loaded = library && find(library, "aiImportFile", &assimp.import_file) &&
-                    find(library, "aiImportFileFromMemory", &assimp.import_memory) &&
-                    find(library, "aiReleaseImport", &assimp.release) &&
-                    find(library, "aiGetErrorString", &assimp.error) &&
-                    find(library, "aiGetMaterialTexture", &assimp.texture) &&
-                    find(library, "aiGetMaterialString", &assimp.string) &&
-                    find(library, "aiGetMaterialColor", &assimp.color);
+    void *library = dlopen(HW_ASSIMP, RTLD_NOW | RTLD_LOCAL);
+    bool loaded = library && find(library, "aiImportFile", &assimp.import_file) &&
+                  find(library, "aiImportFileFromMemory", &assimp.import_memory) &&
+                  find(library, "aiReleaseImport", &assimp.release) &&
+                  find(library, "aiGetErrorString", &assimp.error) &&
+                  find(library, "aiGetMaterialTexture", &assimp.texture) &&
+                  find(library, "aiGetMaterialString", &assimp.string) &&
+                  find(library, "aiGetMaterialColor", &assimp.color);
+    const char *problem = loaded ? "" : dlerror();
+    snprintf(assimp.problem, sizeof assimp.problem, "%s", problem ? problem : HW_ASSIMP);
 }
 
 static hw_status assimp_error(const char *path)
@@ -564,10 +563,9 @@ static hw_status read_source(const char *path, const struct aiScene **out)
     hw_model_facts facts;
     HW_TRY(hw_import_check(path, &facts));
     pthread_once(&assimp_once, load_assimp);
-    if (!assimp.loaded) {
+    if (assimp.problem[0]) {
         hw_free(facts.text);
-        return hw_fail(HW_IO, "%s: models need Assimp (libassimp.so.5), which cannot be loaded",
-                       path);
+        return hw_fail(HW_IO, "%s: models need Assimp: %s", path, assimp.problem);
     }
     if (facts.text)
         *out = assimp.import_memory(facts.text, (unsigned)facts.text_bytes, flags, "off");

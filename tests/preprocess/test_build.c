@@ -250,6 +250,7 @@ static void what_is_flat_from_afar_is_an_impostor(void **state)
 {
     (void)state;
     const double limits[2] = {0, 30};
+    uint32_t far_count[2] = {0, 0};
     for (int i = 0; i < 2; i++) {
         remove_tree("build_j");
         hw_build_options o = options_for("build_j");
@@ -264,6 +265,7 @@ static void what_is_flat_from_afar_is_an_impostor(void **state)
             assert_int_equal(hw_cell_path(&path, "build_j", manifest.cells[k].id), HW_OK);
             assert_int_equal(hw_cell_read(path, &cell), HW_OK);
             hw_free(path);
+            far_count[i] += cell.far_count;
             for (uint32_t n = 0; n < cell.far_count; n++) {
                 const hw_far_record *far = &cell.far[n];
                 assert_int_equal(far->cut_out, i == 1);
@@ -280,6 +282,8 @@ static void what_is_flat_from_afar_is_an_impostor(void **state)
         }
         hw_manifest_free(&manifest);
     }
+    assert_true(far_count[0] > 0);
+    assert_int_equal(far_count[0], far_count[1]); // none became near
 }
 
 // Only the cells that a tour's frames stand in, then the rest; a cell made before stays listed.

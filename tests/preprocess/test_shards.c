@@ -18,16 +18,17 @@
 
 #define SCENE "shards_scene.glb"
 
-// Spheres of radius 6: one in the middle, one far to the east, one far to the north.
+// Spheres of radius 6: one in the middle, one far to the east, and one so far to the north that
+// groups stand for it and captures take a coarser level.
 static int make_scene(void **state)
 {
     (void)state;
     hw_log_set_quiet(true);
     hw_mesh meshes[3];
     hw_mat4 transforms[3] = {hw_mat4_translation(0, 0, 6), hw_mat4_translation(400, 10, 6),
-                             hw_mat4_translation(0, 420, 6)};
+                             hw_mat4_translation(0, 1300, 6)};
     for (int i = 0; i < 3; i++)
-        meshes[i] = shape_sphere(hw_v3(0, 0, 0), 6, 20 + 4 * (uint32_t)i, 12);
+        meshes[i] = shape_sphere(hw_v3(0, 0, 0), 6, 20 + 20 * (uint32_t)i, i == 2 ? 40 : 12);
     hw_scene scene = shape_scene(meshes, transforms, 3);
     hw_status status = hw_scene_export_glb(&scene, SCENE);
     hw_scene_free(&scene);
@@ -40,6 +41,7 @@ static hw_build_options options_for(const char *dataset)
     o.scene_path = SCENE;
     o.dataset = dataset;
     o.cell_size = 120;
+    o.levels = 2;
     o.z_min = 2;
     o.z_max = 10;
     o.threads = 2;
@@ -250,6 +252,7 @@ static int make_whole(void **state)
     remove_tree("sh_a");
     hw_build_options o = options_for("sh_a");
     build(&o, &report);
+    assert_true(report.tree_builds > 3); // of the meshes, and of details
     return 0;
 }
 
