@@ -16,5 +16,5 @@ uint64_t hw_rss_peak_bytes(void);
 // thread frees stays for its next. Takes a while; for programs that have just read their inputs and
 // are to stay small.
 void hw_memory_trim(void);
-// The second half of it: for blocks that will be freed.
+// The same for what is freed from now on alone: no search for what can go back already.
 void hw_memory_map_blocks(void);

@@ -80,21 +80,21 @@ static hw_mat4 to_mesh(const hw_capturer *capturer, uint32_t object_idx)
     return inverse;
 }
 
-// `mesh` is the object's, or stands for it. The directions are the window's, in the world.
+// `mesh` is the object's, or stands for it; `inverse` leads to its space. The directions are the
+// window's, in the world.
 static shader shader_make(const hw_capturer *capturer, uint32_t object_idx, const hw_mesh *mesh,
-                          hw_vec3 axis, hw_vec3 right, hw_vec3 up)
+                          const hw_mat4 *inverse, hw_vec3 axis, hw_vec3 right, hw_vec3 up)
 {
     const hw_object *object = &capturer->scene->objects[object_idx];
-    hw_mat4 inverse = to_mesh(capturer, object_idx);
     shader s = {
         .mesh = mesh,
         .sampler = mesh->uvs ? capturer->samplers[object->material_idx] : NULL,
-        .inverse = {hw_mat4_direction(&inverse, hw_v3(1, 0, 0)),
-                    hw_mat4_direction(&inverse, hw_v3(0, 1, 0)),
-                    hw_mat4_direction(&inverse, hw_v3(0, 0, 1))},
-        .axis = hw_mat4_direction(&inverse, axis),
-        .right = hw_mat4_direction(&inverse, right),
-        .up = hw_mat4_direction(&inverse, up),
+        .inverse = {hw_mat4_direction(inverse, hw_v3(1, 0, 0)),
+                    hw_mat4_direction(inverse, hw_v3(0, 1, 0)),
+                    hw_mat4_direction(inverse, hw_v3(0, 0, 1))},
+        .axis = hw_mat4_direction(inverse, axis),
+        .right = hw_mat4_direction(inverse, right),
+        .up = hw_mat4_direction(inverse, up),
         .lit_triangle = UINT32_MAX,
     };
     for (int k = 0; k < 3; k++)
@@ -324,7 +324,7 @@ static hw_status set_up_job(row_job *job, const hw_capturer *capturer, uint32_t 
     }
     set_up_order(job);
     hw_face_basis(window->face, &axis, &right, &up);
-    job->shader = shader_make(capturer, object_idx, job->detail.mesh, axis, right, up);
+    job->shader = shader_make(capturer, object_idx, job->detail.mesh, &inverse, axis, right, up);
     job->shader.step_x = (window->x_max - window->x_min) / (float)(window->width * samples);
     job->shader.step_y = (window->y_max - window->y_min) / (float)(window->height * samples);
     size_t rays = (size_t)window->width * samples * samples;
@@ -343,7 +343,9 @@ bool hw_capture_point(const hw_capturer *capturer, uint32_t object_idx, hw_vec3 
     if (hit.t == INFINITY)
         return false;
     const hw_mesh *mesh = &capturer->scene->meshes[capturer->scene->objects[object_idx].mesh_idx];
-    shader s = shader_make(capturer, object_idx, mesh, direction, hw_v3(0, 0, 0), hw_v3(0, 0, 0));
+    hw_mat4 inverse = to_mesh(capturer, object_idx);
+    shader s = shader_make(capturer, object_idx, mesh, &inverse, direction, hw_v3(0, 0, 0),
+                           hw_v3(0, 0, 0));
     rgb color = shade(&s, &hit, 0, 0);
     *out = (hw_color8){to_byte(color.r), to_byte(color.g), to_byte(color.b), 255};
     return true;

@@ -1,7 +1,6 @@
 #include "deviation.h"
 #include "alloc.h"
 #include "appearance.h"
-#include "compare.h"
 #include "surface_sampler.h"
 #include <stdlib.h>
 #include <string.h>

@@ -251,30 +251,30 @@ static hw_status build_tree(const hw_rays *rays, uint32_t mesh_idx, RTCScene *ou
     return status;
 }
 
-hw_status hw_rays_pin(const hw_rays *rays, uint32_t m)
+hw_status hw_rays_pin(const hw_rays *rays, uint32_t mesh_idx)
 {
     pager *p = rays->pager;
     if (!p)
         return HW_OK;
     hw_status status = HW_OK;
     pthread_mutex_lock(&p->mutex);
-    while (p->trees[m].building)
+    while (p->trees[mesh_idx].building)
         pthread_cond_wait(&p->built, &p->mutex);
-    if (!rays->mesh_scenes[m]) {
+    if (!rays->mesh_scenes[mesh_idx]) {
         RTCScene built;
-        p->trees[m].building = true;
+        p->trees[mesh_idx].building = true;
         pthread_mutex_unlock(&p->mutex);
-        status = build_tree(rays, m, &built);
+        status = build_tree(rays, mesh_idx, &built);
         pthread_mutex_lock(&p->mutex);
-        rays->mesh_scenes[m] = built;
-        p->trees[m].building = false;
+        rays->mesh_scenes[mesh_idx] = built;
+        p->trees[mesh_idx].building = false;
         p->builds += status == HW_OK;
         pthread_cond_broadcast(&p->built);
     }
     if (status == HW_OK) {
-        p->trees[m].pins++;
+        p->trees[mesh_idx].pins++;
         p->pins++;
-        p->trees[m].used = ++p->clock;
+        p->trees[mesh_idx].used = ++p->clock;
     }
     pthread_mutex_unlock(&p->mutex);
     return status;

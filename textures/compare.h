@@ -6,10 +6,6 @@
 // Luma Y = 0.299 R + 0.587 G + 0.114 B of every pixel as float, width * height values
 // (thesis 5.3.2).
 void hw_luma(const hw_image *image, float *out);
-static inline float hw_luma_of(uint8_t r, uint8_t g, uint8_t b)
-{
-    return 0.299f * (float)r + 0.587f * (float)g + 0.114f * (float)b;
-}
 // Sum of squared luma differences over pixels with mask[i] != 0 (mask NULL: all); *count gets the
 // number of pixels.
 double hw_squared_error(const float *a, const float *b, const uint8_t *mask, size_t pixels,

@@ -10,7 +10,6 @@
 #include "context.h"
 #include "cull.h"
 #include "gpu.h"
-#include "hierarchy.h"
 #include "manifest.h"
 #include "renderer.h"
 #include "target.h"
