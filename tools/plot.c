@@ -54,10 +54,9 @@ static void put_axes(hw_bytes_writer *w, const hw_plot *plot)
     hw_put_format(w, "set key above horizontal right Left reverse samplen 1.6\n");
     hw_put_format(w, "set xlabel '%s'\nset ylabel '%s' offset 0.5,0\n", plot->x_label,
                   plot->y_label);
-    hw_put_format(w, "set format y '%%.0s %%c'\nset xrange [%.9g:%.9g]\n", first - room,
-                  last + room);
+    hw_put_format(w, "set xrange [%.9g:%.9g]\n", first - room, last + room);
     if (plot->log_y)
-        hw_put_format(w, "set logscale y\n");
+        hw_put_format(w, "set logscale y\nset format y '%%.0s %%c'\n"); // powers of ten
     for (uint32_t i = 0; i < plot->mark_count; i++)
         if (plot->marks[i] > first && plot->marks[i] < last)
             hw_put_format(
