@@ -122,6 +122,7 @@ static uint64_t make_key(const build *b)
                               o->far.multi_outline_px,
                               o->far.multi_interior_px,
                               o->far.impostor_px,
+                              o->far.relief_px,
                               o->far.capture_side_max,
                               o->far.capture_samples,
                               o->chain.face_floor,

@@ -289,7 +289,7 @@ static hw_status merge_all(const clustering *k, const cluster *c, hw_svmesh_job 
     for (uint32_t i = c->first; i != UINT32_MAX; i = k->next[i])
         HW_TRY(merge_member(k, job, i, m));
     HW_TRY(hw_view_mesh_compact(&m->mesh));
-    return hw_svmesh_finish(job, &m->mesh, false, fits, out);
+    return hw_svmesh_finish(job, &m->mesh, fits, out);
 }
 
 // Puts the union in the place of the first member; if its capture comes out too large after all,

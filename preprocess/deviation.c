@@ -1,6 +1,7 @@
 #include "deviation.h"
 #include "alloc.h"
 #include "appearance.h"
+#include "bit_raster.h"
 #include "surface_sampler.h"
 #include <stdlib.h>
 #include <string.h>
@@ -195,73 +196,9 @@ struct hw_outline {
     uint64_t *bits; // of all views
 };
 
-// Sets bits [x0, x1) of a row.
-static inline void set_span(uint64_t *row, int32_t x0, int32_t x1)
-{
-    int32_t first = x0 >> 6, last = (x1 - 1) >> 6;
-    uint64_t head = ~0ull << (x0 & 63), tail = ~0ull >> (63 - ((x1 - 1) & 63));
-    if (first == last) {
-        row[first] |= head & tail;
-        return;
-    }
-    row[first] |= head;
-    for (int32_t i = first + 1; i < last; i++)
-        row[i] = ~0ull;
-    row[last] |= tail;
-}
-
-typedef struct point2 {
-    float x, y;
-} point2;
-
-// Where the edge crosses the row. Edges always run upwards here, so two triangles that share one
-// get the same value and leave no gap.
-static inline float crossing(point2 low, point2 high, float inverse_height, float y)
-{
-    return low.x + (y - low.y) * inverse_height * (high.x - low.x);
-}
-
-static inline void sort_pair(point2 *a, point2 *b)
-{
-    if (b->y < a->y || (b->y == a->y && b->x < a->x)) {
-        point2 t = *a;
-        *a = *b;
-        *b = t;
-    }
-}
-
-// Index of the first pixel centre at or after a coordinate, within [0, size].
-static inline int32_t first_centre(float coordinate, int32_t size)
-{
-    float first = ceilf(coordinate - 0.5f);
-    return !(first > 0) ? 0 : first >= (float)size ? size : (int32_t)first;
-}
-
-// Fills the pixels whose centres lie in the triangle (half-open to the right and upwards).
-static void fill_triangle(uint64_t *bits, int32_t size, point2 a, point2 b, point2 c)
-{
-    sort_pair(&a, &b);
-    sort_pair(&b, &c);
-    sort_pair(&a, &b);
-    int32_t y_first = first_centre(a.y, size), y_last = first_centre(c.y, size);
-    if (y_first >= y_last)
-        return;
-    float long_side = 1 / (c.y - a.y);
-    float lower = b.y > a.y ? 1 / (b.y - a.y) : 0, upper = c.y > b.y ? 1 / (c.y - b.y) : 0;
-    size_t words = (size_t)size / 64;
-    for (int32_t row = y_first; row < y_last; row++) {
-        float y = (float)row + 0.5f;
-        float x0 = crossing(a, c, long_side, y);
-        float x1 = y < b.y ? crossing(a, b, lower, y) : crossing(b, c, upper, y);
-        int32_t first = first_centre(fminf(x0, x1), size), last = first_centre(fmaxf(x0, x1), size);
-        if (first < last)
-            set_span(bits + (size_t)row * words, first, last);
-    }
-}
-
 // `projected` holds a point per vertex, `bits` a cleared raster.
 static void fill_mesh(const outline_view *view, uint32_t resolution, const hw_mesh *mesh,
-                      point2 *projected, uint64_t *bits)
+                      hw_point2 *projected, uint64_t *bits)
 {
     for (uint32_t i = 0; i < mesh->vertex_count; i++) {
         hw_vec3 p = mesh->positions[i];
@@ -269,33 +206,8 @@ static void fill_mesh(const outline_view *view, uint32_t resolution, const hw_me
         projected[i].y = (p.z - view->offset_y) * view->scale;
     }
     for (uint32_t i = 0; i + 2 < mesh->index_count; i += 3)
-        fill_triangle(bits, (int32_t)resolution, projected[mesh->indices[i]],
-                      projected[mesh->indices[i + 1]], projected[mesh->indices[i + 2]]);
-}
-
-static uint64_t popcount(uint64_t value)
-{
-    return (uint64_t)__builtin_popcountll(value);
-}
-
-// Length of the border of the set pixels, in pixels, by the Cauchy-Crofton formula over lines in
-// four directions: pi / (2 * 4) times the sum of (spacing of the lines * crossings). Exact on
-// average over all orientations of a border, within 6 % for straight ones at the worst angle.
-static double border_length(const uint64_t *bits, uint32_t resolution)
-{
-    size_t words = resolution / 64;
-    uint64_t across = 0, up = 0, diagonal = 0;
-    for (size_t y = 0; y < resolution; y++) {
-        const uint64_t *row = bits + y * words, *next = y + 1 < resolution ? row + words : row;
-        for (size_t i = 0; i < words; i++) { // margins are empty: nothing crosses a row's ends
-            uint64_t left = row[i] << 1 | (i > 0 ? row[i - 1] >> 63 : 0);
-            uint64_t right = row[i] >> 1 | (i + 1 < words ? row[i + 1] << 63 : 0);
-            across += popcount(row[i] ^ left);
-            up += popcount(row[i] ^ next[i]);
-            diagonal += popcount(left ^ next[i]) + popcount(right ^ next[i]);
-        }
-    }
-    return HW_PI / 8 * ((double)(across + up) + (double)diagonal / sqrt(2.0));
+        hw_raster_fill_triangle(bits, resolution, projected[mesh->indices[i]],
+                                projected[mesh->indices[i + 1]], projected[mesh->indices[i + 2]]);
 }
 
 // Places the raster of view `index` around the mesh; false if it has no extent there.
@@ -327,7 +239,7 @@ hw_status hw_outline_create(hw_outline **out, const hw_mesh *original, uint32_t 
 {
     hw_status status = HW_OK;
     hw_outline *outline = NULL;
-    point2 *projected = NULL;
+    hw_point2 *projected = NULL;
     const char *name = original->name ? original->name : "a mesh";
     *out = NULL;
     if (original->index_count == 0 || resolution > MAX_RESOLUTION)
@@ -350,7 +262,7 @@ hw_status hw_outline_create(hw_outline **out, const hw_mesh *original, uint32_t 
         if (!fit_view(view, i, outline->resolution, original))
             HW_GO(hw_fail(HW_USAGE, "%s: no extent to outline", name));
         fill_mesh(view, outline->resolution, original, projected, view->bits);
-        view->length = border_length(view->bits, outline->resolution) / view->scale;
+        view->length = hw_raster_border_length(view->bits, outline->resolution) / view->scale;
     }
     *out = outline;
     outline = NULL;
@@ -372,7 +284,7 @@ void hw_outline_destroy(hw_outline *outline)
 hw_status hw_outline_deviation(const hw_outline *outline, const hw_mesh *level, float *out)
 {
     hw_status status = HW_OK;
-    point2 *projected = NULL;
+    hw_point2 *projected = NULL;
     uint64_t *bits = NULL;
     *out = 0;
     size_t raster = (size_t)outline->resolution * outline->resolution / 64;
@@ -383,9 +295,7 @@ hw_status hw_outline_deviation(const hw_outline *outline, const hw_mesh *level, 
         const outline_view *view = &outline->views[i];
         memset(bits, 0, raster * sizeof *bits);
         fill_mesh(view, outline->resolution, level, projected, bits);
-        uint64_t different = 0;
-        for (size_t k = 0; k < raster; k++)
-            different += popcount(bits[k] ^ view->bits[k]);
+        uint64_t different = hw_raster_difference(bits, view->bits, outline->resolution);
         double area = (double)different / ((double)view->scale * view->scale);
         sum += view->length > 0 ? area / view->length : 0;
     }

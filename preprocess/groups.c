@@ -53,8 +53,8 @@ void hw_groups_destroy(hw_groups *groups)
     hw_free(groups);
 }
 
-// Whether the object is no impostor from the group but flat from its cells: then it stays with
-// them, where an impostor costs less than the group's mesh.
+// Whether the object is flat from the group's cells but not from the group: then it stays with
+// them, where a relief costs less than the group's mesh.
 static bool is_flat_from_cells_only(const hw_groups *groups, const hw_cell_view *view,
                                     uint32_t object_idx)
 {

@@ -1,17 +1,16 @@
 #include "svmesh.h"
 #include "alloc.h"
-#include "impostor.h"
 #include "mvmesh.h"
+#include "relief.h"
 #include <math.h>
 #include <meshoptimizer.h>
 #include <string.h>
 
 // Colours spread this far beyond an object's outline, so that filtering and simplified outlines
 // never meet the background.
-#define DILATION_TEXELS  2u
-#define EXTENT_FACES     1000u
-#define IMPOSTOR_SAMPLES 4u         // rays per texel and axis: outlines are as good as the coverage
-#define QUANTUM_PX       (1.0 / 32) // coarser steps show on silhouettes
+#define DILATION_TEXELS 2u
+#define EXTENT_FACES    1000u
+#define QUANTUM_PX      (1.0 / 32) // coarser steps show on silhouettes
 // What a capture is cast against may be off by this much, as the nearest viewer in the cell sees
 // it.
 #define CAPTURE_ERROR_PX 0.03
@@ -117,7 +116,7 @@ bool hw_svmesh_project(const hw_svmesh_job *job, hw_vec3 world, double image[3])
 }
 
 // From image space back to the world.
-static hw_vec3 unproject(const hw_svmesh_job *job, const double image[3])
+hw_vec3 hw_svmesh_unproject(const hw_svmesh_job *job, const double image[3])
 {
     hw_vec3 axis, right, up;
     hw_face_basis(job->face, &axis, &right, &up);
@@ -397,7 +396,7 @@ static hw_status drop_hidden(const hw_svmesh_job *job, hw_view_mesh *mesh)
     HW_GO(HW_NEW(&positions, mesh->vertex_count));
     HW_GO(HW_NEW(&seen, mesh->index_count / 3));
     for (uint32_t v = 0; v < mesh->vertex_count; v++)
-        positions[v] = unproject(job, mesh->positions[v]);
+        positions[v] = hw_svmesh_unproject(job, mesh->positions[v]);
     const hw_sight_surface surface = {.box = job->scene->objects[job->object_idx].bounds,
                                       .vertex_count = mesh->vertex_count,
                                       .index_count = mesh->index_count,
@@ -419,8 +418,22 @@ out:
     return status;
 }
 
-hw_status hw_svmesh_finish(const hw_svmesh_job *job, const hw_view_mesh *mesh, bool cut_out,
-                           bool *fits, hw_svmesh *out)
+// Record and quantised vertices of a mesh that lies in the window; all but the capture.
+static hw_status assemble(const hw_svmesh_job *job, const hw_view_mesh *mesh,
+                          const hw_capture_window *window, bool cut_out, hw_svmesh *out)
+{
+    out->record.object_idx = job->object_idx;
+    out->record.face = (uint32_t)job->face;
+    out->record.cut_out = cut_out;
+    record_window(window, &out->record);
+    HW_TRY(quantise_mesh(job, mesh, out));
+    if (out->record.index_count > 0)
+        out->record.bounds = record_bounds(out, job->view->centre);
+    return HW_OK;
+}
+
+hw_status hw_svmesh_finish(const hw_svmesh_job *job, const hw_view_mesh *mesh, bool *fits,
+                           hw_svmesh *out)
 {
     hw_status status = HW_OK;
     hw_capture_window window;
@@ -428,17 +441,32 @@ hw_status hw_svmesh_finish(const hw_svmesh_job *job, const hw_view_mesh *mesh, b
     *fits = hw_svmesh_window(job, mesh, &window);
     if (!*fits)
         return HW_OK;
-    out->record.object_idx = job->object_idx;
-    out->record.face = (uint32_t)job->face;
-    record_window(&window, &out->record);
-    HW_GO(quantise_mesh(job, mesh, out));
+    HW_GO(assemble(job, mesh, &window, false, out));
+    if (out->record.index_count > 0)
+        HW_GO(hw_svmesh_capture(job, &window, job->options->capture_samples, &out->capture));
+out:
+    if (status != HW_OK || out->record.index_count == 0)
+        hw_svmesh_free(out);
+    return status;
+}
+
+// A relief; *good tells whether one may stand for the object.
+static hw_status derive_relief(const hw_svmesh_job *job, bool flat, bool *good, hw_svmesh *out)
+{
+    hw_status status;
+    hw_relief relief = {0};
+    HW_GO(hw_relief_make(job, flat, good, &relief));
+    if (*good && job->occlusion)
+        HW_GO(drop_hidden(job, &relief.mesh));
+    if (relief.mesh.index_count == 0)
+        goto out;
+    HW_GO(assemble(job, &relief.mesh, &relief.window, true, out));
     if (out->record.index_count == 0)
         goto out;
-    out->record.bounds = record_bounds(out, job->view->centre);
-    out->record.cut_out = cut_out;
-    HW_GO(hw_svmesh_capture(
-        job, &window, cut_out ? IMPOSTOR_SAMPLES : job->options->capture_samples, &out->capture));
+    out->capture = relief.capture;
+    relief.capture = (hw_capture){0};
 out:
+    hw_relief_free(&relief);
     if (status != HW_OK || out->record.index_count == 0)
         hw_svmesh_free(out);
     return status;
@@ -472,12 +500,16 @@ hw_status hw_svmesh_derive(hw_svmesh_job *job, bool *is_near, hw_svmesh *out)
     *is_near = must_be_near(job, &error);
     if (*is_near)
         return HW_OK;
-    bool flat = error < job->options->impostor_px;
-    HW_GO(flat ? hw_impostor_make(job, &mesh) : job->options->policy->simplify(job, &mesh));
+    bool flat = error < job->options->impostor_px, good = false;
+    if (!job->multi_view && (flat || job->options->relief_px > 0))
+        HW_GO(derive_relief(job, flat, &good, out));
+    if (good)
+        return HW_OK;
+    HW_GO(job->options->policy->simplify(job, &mesh));
     if (job->occlusion && mesh.index_count > 0)
         HW_GO(drop_hidden(job, &mesh));
     if (mesh.index_count > 0)
-        HW_GO(hw_svmesh_finish(job, &mesh, flat, &fits, out));
+        HW_GO(hw_svmesh_finish(job, &mesh, &fits, out));
     *is_near = !fits;
     if (fits && job->multi_view && out->record.index_count > 0)
         HW_GO(hw_mvmesh_add_views(job, out));

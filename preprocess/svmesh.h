@@ -30,7 +30,8 @@ typedef struct hw_far_options {
     double edge_length_px;                      // T_l of the thesis policy
     double outline_px;         // outline deviation of the chain level at the effective distance
     double interior_px;        // tolerance for patches that face the whole cell (screen policy)
-    double impostor_px;        // objects with a smaller self-occluding error are impostors
+    double impostor_px;        // objects with a smaller self-occluding error are flat: reliefs
+    double relief_px;          // so are those whose outline is then off by less; 0: none
     uint32_t capture_side_max; // larger captures make an object near
     uint32_t capture_samples;  // rays per texel and axis
 } hw_far_options;
@@ -87,6 +88,7 @@ typedef struct hw_svmesh {
     hw_color8 *colors;
 } hw_svmesh;
 #define HW_CAPTURE_PADDING 2u
+#define HW_CUT_OUT_SAMPLES 4u // rays per texel and axis where the coverage makes the outline
 void hw_svmesh_free(hw_svmesh *svmesh);
 
 // A policy fills the mesh to draw, in image space, and may capture early (else the result is
@@ -99,11 +101,11 @@ extern const hw_svmesh_policy hw_policy_screen, hw_policy_thesis;
 // NULL if unknown.
 const hw_svmesh_policy *hw_policy_find(const char *name);
 
-// Derives the SVMesh, or, of an object whose self-occluding error is T_s or more but below T_mv,
-// the MVMesh (mvmesh.h; cells of level 0 only). *is_near is set, and *out left empty, when the
-// object must be drawn as geometry from this cell: it meets the cell, its self-occluding error is
-// too large, or its capture would be larger than capture_side_max. *out is also empty when nothing
-// of the object faces the cell.
+// Derives the SVMesh (a relief where that serves, relief.h; else by the policy), or, of an object
+// whose self-occluding error is T_s or more but below T_mv, the MVMesh (mvmesh.h; cells of level 0
+// only). *is_near is set, and *out left empty, when the object must be drawn as geometry from this
+// cell: it meets the cell, its self-occluding error is too large, or its capture would be larger
+// than capture_side_max. *out is also empty when nothing of the object faces the cell.
 HW_MUST_USE hw_status hw_svmesh_derive(hw_svmesh_job *job, bool *is_near, hw_svmesh *out);
 
 // The self-occluding error of whatever is inside the box, at most, for a cell of this side round
@@ -115,15 +117,17 @@ double hw_svmesh_self_occlusion_bound(const hw_cell_view *view, double side, hw_
 double hw_svmesh_self_occlusion(const hw_svmesh_job *job, double enough);
 
 // The rest of a derivation: window, quantised vertices, record and capture of a mesh in image
-// space. `cut_out` as in hw_far_record. *fits tells whether the capture is not too large; *out is
-// left empty if it is, or if nothing is left of the mesh.
+// space. *fits tells whether the capture is not too large; *out is left empty if it is, or if
+// nothing is left of the mesh.
 HW_MUST_USE hw_status hw_svmesh_finish(const hw_svmesh_job *job, const hw_view_mesh *mesh,
-                                       bool cut_out, bool *fits, hw_svmesh *out);
+                                       bool *fits, hw_svmesh *out);
 
 // ---- for policies ----------------------------------------------------------------------------
 
 // World position to image space; false if it lies on or behind the plane through the centre.
 bool hw_svmesh_project(const hw_svmesh_job *job, hw_vec3 world, double image[3]);
+// And back.
+hw_vec3 hw_svmesh_unproject(const hw_svmesh_job *job, const double image[3]);
 // The cell's corners (or, with centre_only, its centre alone) in the mesh's own space, where facing
 // is the same. Returns how many.
 uint32_t hw_svmesh_eyes(const hw_svmesh_job *job, bool centre_only, hw_vec3 eyes[HW_CELL_CORNERS]);

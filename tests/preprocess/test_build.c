@@ -244,9 +244,9 @@ static void other_options_make_everything_anew(void **state)
     assert_int_equal(report.cells_made, report.cells_total);
 }
 
-// With a limit above every self-occluding error, each far object is a rectangle of its own, cut
-// out; with none, no object is.
-static void what_is_flat_from_afar_is_an_impostor(void **state)
+// With a limit above every self-occluding error, each far object is a few triangles, cut out; with
+// none, no object is.
+static void what_is_flat_from_afar_is_cut_out(void **state)
 {
     (void)state;
     const double limits[2] = {0, 30};
@@ -255,6 +255,7 @@ static void what_is_flat_from_afar_is_an_impostor(void **state)
         remove_tree("build_j");
         hw_build_options o = options_for("build_j");
         o.far.impostor_px = limits[i];
+        o.far.relief_px = 0;
         hw_build_report report;
         build(&o, &report);
         hw_manifest manifest;
@@ -271,7 +272,7 @@ static void what_is_flat_from_afar_is_an_impostor(void **state)
                 assert_int_equal(far->cut_out, i == 1);
                 if (i == 0)
                     continue;
-                assert_int_equal(far->index_count, 6);
+                assert_in_range(far->index_count / 3, 1, 80);
                 // It stands where its object does, and is hardly larger.
                 hw_box object = manifest.objects[far->object_idx].bounds;
                 hw_vec3 middle = hw_box_centre(object);
@@ -443,7 +444,7 @@ int main(void)
         cmocka_unit_test(threads_and_shards_change_no_byte),
         cmocka_unit_test(unfinished_build_goes_on),
         cmocka_unit_test(other_options_make_everything_anew),
-        cmocka_unit_test(what_is_flat_from_afar_is_an_impostor),
+        cmocka_unit_test(what_is_flat_from_afar_is_cut_out),
         cmocka_unit_test(cells_along_a_tour_come_first),
         cmocka_unit_test(thesis_policy_builds),
         cmocka_unit_test(multi_view_meshes_are_built),
