@@ -49,7 +49,7 @@ static bool in_circle(const double *a, const double *b, const double *c, const d
 typedef struct walk {
     double edge[3][3]; // weight of corner k at (x, y): edge[k][0] x + edge[k][1] y + edge[k][2]
     double slack[3];   // down to minus which a weight counts as inside
-    uint32_t x_begin, x_end, y_begin, y_end;
+    uint32_t x_begin, x_end, y_end, x, y; // x, y: where it goes on
 } walk;
 
 static uint32_t clamp_index(double value, uint32_t count)
@@ -79,7 +79,8 @@ static walk walk_make(const surface *t, const triangle *f, double margin)
     }
     w.x_begin = clamp_index(ceil(low[0] - 0.5 - margin), t->field->width);
     w.x_end = clamp_index(floor(high[0] + 0.5 + margin), t->field->width);
-    w.y_begin = clamp_index(ceil(low[1] - 0.5 - margin), t->field->height);
+    w.x = w.x_begin;
+    w.y = clamp_index(ceil(low[1] - 0.5 - margin), t->field->height);
     w.y_end = clamp_index(floor(high[1] + 0.5 + margin), t->field->height);
     return w;
 }
@@ -95,6 +96,19 @@ static bool weights_at(const walk *w, uint32_t x, uint32_t y, double out[3])
     return true;
 }
 
+// The next sample that is to be met, and the weights of the corners there; false: no more.
+static bool next_sample(const surface *t, walk *w, size_t *sample, double weights[3])
+{
+    for (; w->y < w->y_end; w->y++, w->x = w->x_begin)
+        while (w->x < w->x_end) {
+            uint32_t x = w->x++;
+            *sample = (size_t)w->y * t->field->width + x;
+            if (!isnan(t->field->heights[*sample]) && weights_at(w, x, w->y, weights))
+                return true;
+        }
+    return false;
+}
+
 static double error_at(const surface *t, const triangle *f, const double weights[3], size_t sample)
 {
     double height = 0;
@@ -106,32 +120,25 @@ static double error_at(const surface *t, const triangle *f, const double weights
 static void find_worst(const surface *t, triangle *f)
 {
     double weights[3];
+    size_t sample;
     walk w = walk_make(t, f, 0);
     f->worst = NONE;
     f->error = 1;
-    for (uint32_t y = w.y_begin; y < w.y_end; y++)
-        for (uint32_t x = w.x_begin; x < w.x_end; x++) {
-            size_t sample = (size_t)y * t->field->width + x;
-            if (isnan(t->field->heights[sample]) || !weights_at(&w, x, y, weights))
-                continue;
-            double error = fabs(error_at(t, f, weights, sample));
-            if (error > f->error) {
-                f->error = error;
-                f->worst = (uint32_t)sample;
-            }
+    while (next_sample(t, &w, &sample, weights)) {
+        double error = fabs(error_at(t, f, weights, sample));
+        if (error > f->error) {
+            f->error = error;
+            f->worst = (uint32_t)sample;
         }
+    }
 }
 
 static bool meets_any(const surface *t, const triangle *f, double margin)
 {
     double weights[3];
+    size_t sample;
     walk w = walk_make(t, f, margin);
-    for (uint32_t y = w.y_begin; y < w.y_end; y++)
-        for (uint32_t x = w.x_begin; x < w.x_end; x++)
-            if (!isnan(t->field->heights[(size_t)y * t->field->width + x]) &&
-                weights_at(&w, x, y, weights))
-                return true;
-    return false;
+    return next_sample(t, &w, &sample, weights);
 }
 
 // ---- triangulation ---------------------------------------------------------------------------
@@ -209,9 +216,9 @@ static void insert(surface *t, uint32_t triangle_idx, uint32_t sample)
             make_delaunay(t, v[k], v[(k + 1) % 3], added);
 }
 
+// A vertex with the height of the nearest sample.
 static void set_corner(const surface *t, const double at[2], double out[3])
 {
-    // The height of the nearest sample.
     const hw_height_field *field = t->field;
     double best = INFINITY;
     out[0] = at[0];
@@ -269,23 +276,20 @@ static double cut_off(double error)
 static void add_samples(const surface *t, const triangle *f, normal_equations *e)
 {
     double weights[3];
+    size_t sample;
     walk w = walk_make(t, f, 0);
-    for (uint32_t y = w.y_begin; y < w.y_end; y++)
-        for (uint32_t x = w.x_begin; x < w.x_end; x++) {
-            size_t sample = (size_t)y * t->field->width + x;
-            if (isnan(t->field->heights[sample]) || !weights_at(&w, x, y, weights))
-                continue;
-            double tolerance = (double)t->field->tolerances[sample];
-            double error = error_at(t, f, weights, sample);
-            // They pull no harder than it (Huber's weights).
-            double pull = error == 0 ? 1 : cut_off(error) / error;
-            for (int i = 0; i < 3; i++) {
-                e->right[f->v[i]] -= pull * weights[i] * error / tolerance;
-                for (int k = 0; k < 3; k++)
-                    e->matrix[(size_t)f->v[i] * e->n + f->v[k]] +=
-                        pull * weights[i] * weights[k] / (tolerance * tolerance);
-            }
+    while (next_sample(t, &w, &sample, weights)) {
+        double tolerance = (double)t->field->tolerances[sample];
+        double error = error_at(t, f, weights, sample);
+        // They pull no harder than it (Huber's weights).
+        double pull = error == 0 ? 1 : cut_off(error) / error;
+        for (int i = 0; i < 3; i++) {
+            e->right[f->v[i]] -= pull * weights[i] * error / tolerance;
+            for (int k = 0; k < 3; k++)
+                e->matrix[(size_t)f->v[i] * e->n + f->v[k]] +=
+                    pull * weights[i] * weights[k] / (tolerance * tolerance);
         }
+    }
 }
 
 static hw_status fit_heights(surface *t)
@@ -320,17 +324,13 @@ out:
 static double mean_error(const surface *t)
 {
     double sum = 0, count = 0, weights[3];
+    size_t sample;
     for (uint32_t i = 0; i < t->triangle_count; i++) {
-        const triangle *f = &t->triangles[i];
-        walk w = walk_make(t, f, 0);
-        for (uint32_t y = w.y_begin; y < w.y_end; y++)
-            for (uint32_t x = w.x_begin; x < w.x_end; x++) {
-                size_t sample = (size_t)y * t->field->width + x;
-                if (isnan(t->field->heights[sample]) || !weights_at(&w, x, y, weights))
-                    continue;
-                sum += fabs(cut_off(error_at(t, f, weights, sample)));
-                count++;
-            }
+        walk w = walk_make(t, &t->triangles[i], 0);
+        while (next_sample(t, &w, &sample, weights)) {
+            sum += fabs(cut_off(error_at(t, &t->triangles[i], weights, sample)));
+            count++;
+        }
     }
     return count > 0 ? sum / count : 0;
 }
