@@ -79,6 +79,7 @@ hw_build_options hw_build_defaults(void)
                 .multi_outline_px = 0.03,
                 .multi_interior_px = 3,
                 .impostor_px = 1,
+                .relief_px = 0.12,
                 .capture_side_max = 1024,
                 .capture_samples = 2},
         .chain = {.face_floor = 40, .importance_floor = 0.05f, .pull_back = 0.25f},

@@ -15,9 +15,13 @@ typedef struct hw_relief {
     hw_view_mesh mesh;  // in image space, within the window without its padding
 } hw_relief;
 
+// Whether a relief is worth a try: the object's self-occluding error, pixels, is so small that it
+// is flat, or that it may keep its outline. Never of an MVMesh.
+bool hw_relief_is_likely(const hw_svmesh_job *job, double self_occlusion);
+
 // *good tells whether a relief may stand for the object: its outline is off by less than relief_px
 // (or the object is flat, which is not compared), its capture is not too large, and something
-// shows. Else *out is empty.
+// shows. Else *out has no mesh; its capture, if it has one, may serve another mesh.
 HW_MUST_USE hw_status hw_relief_make(const hw_svmesh_job *job, bool flat, bool *good,
                                      hw_relief *out);
 void hw_relief_free(hw_relief *relief);

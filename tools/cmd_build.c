@@ -55,9 +55,8 @@ static uint32_t options(hw_option *out, uint32_t capacity)
          "objects with a smaller self-occluding error are drawn as a few triangles, cut out "
          "along their captured outlines; 0 means none"},
         {"relief", 0, HW_OPTION_DOUBLE, &build.far.relief_px, "PX", NULL, 0, 100,
-         "so are those whose outlines are then off by less, seen from corners of the cell, 0.12 "
-         "for instance: fewer triangles and bytes for twice the time of the build; none with the "
-         "policy thesis, or with --clusters on"},
+         "so are those whose outlines are then off by less, seen from corners of the cell; none "
+         "with the policy thesis, or with --clusters on"},
         {"near-error", 0, HW_OPTION_DOUBLE, &build.near_error_px, "PX", NULL, 0, 100,
          "surface error (99th percentile) of near objects"},
         {"texture-side", 0, HW_OPTION_UINT, &texture_side, "TEXELS", NULL, 16, 4096,
