@@ -1,10 +1,10 @@
 #include "capture.h"
 #include "alloc.h"
 #include "appearance.h"
+#include "atlas.h"
 #include "image_io.h"
 #include "system.h"
 #include <assert.h>
-#include <string.h>
 
 struct hw_capturer {
     const hw_scene *scene;
@@ -424,17 +424,17 @@ static hw_rect covered_texels(const hw_capture_window *w, hw_box box)
     return (hw_rect){x0, y0, x1 > x0 ? x1 - x0 : 0, y1 > y0 ? y1 - y0 : 0};
 }
 
-hw_capture_window hw_capture_window_part(const hw_capture_window *whole, hw_rect rect)
+static hw_capture_window part_of(const hw_capture_window *w, const hw_rect *r)
 {
-    float step_x = (whole->x_max - whole->x_min) / (float)whole->width;
-    float step_y = (whole->y_max - whole->y_min) / (float)whole->height;
-    hw_capture_window part = *whole;
-    part.x_min = whole->x_min + (float)rect.x * step_x;
-    part.x_max = whole->x_min + (float)(rect.x + rect.width) * step_x;
-    part.y_min = whole->y_min + (float)rect.y * step_y;
-    part.y_max = whole->y_min + (float)(rect.y + rect.height) * step_y;
-    part.width = rect.width;
-    part.height = rect.height;
+    float step_x = (w->x_max - w->x_min) / (float)w->width;
+    float step_y = (w->y_max - w->y_min) / (float)w->height;
+    hw_capture_window part = *w;
+    part.x_min = w->x_min + (float)r->x * step_x;
+    part.x_max = w->x_min + (float)(r->x + r->width) * step_x;
+    part.y_min = w->y_min + (float)r->y * step_y;
+    part.y_max = w->y_min + (float)(r->y + r->height) * step_y;
+    part.width = r->width;
+    part.height = r->height;
     return part;
 }
 
@@ -468,7 +468,7 @@ hw_status hw_capture_objects(const hw_capturer *capturer, const uint32_t *object
         hw_rect r = covered_texels(window, capturer->scene->objects[objects[i]].bounds);
         if (r.width == 0 || r.height == 0)
             continue;
-        hw_capture_window w = hw_capture_window_part(window, r);
+        hw_capture_window w = part_of(window, &r);
         HW_GO(hw_capture_object(capturer, objects[i], &w, samples, error, &part));
         put_nearer(&part, &r, out);
         hw_capture_free(&part);
@@ -519,27 +519,6 @@ void hw_capture_dilate(hw_capture *capture, uint32_t texels)
     for (size_t i = 0; i < count; i++)
         if (capture->colors[i].a != 255)
             capture->colors[i].a = 0;
-}
-
-hw_status hw_capture_crop(const hw_capture *from, hw_rect rect, hw_capture *out)
-{
-    hw_status status;
-    size_t count = (size_t)rect.width * rect.height;
-    assert(rect.x + rect.width <= from->width && rect.y + rect.height <= from->height);
-    *out = (hw_capture){.width = rect.width, .height = rect.height};
-    HW_GO(HW_NEW(&out->colors, count));
-    HW_GO(HW_NEW(&out->coverage, count));
-    HW_GO(HW_NEW(&out->depths, count));
-    for (uint32_t j = 0; j < rect.height; j++) {
-        size_t to = (size_t)j * rect.width, at = (size_t)(rect.y + j) * from->width + rect.x;
-        memcpy(out->colors + to, from->colors + at, rect.width * sizeof *out->colors);
-        memcpy(out->coverage + to, from->coverage + at, rect.width * sizeof *out->coverage);
-        memcpy(out->depths + to, from->depths + at, rect.width * sizeof *out->depths);
-    }
-out:
-    if (status != HW_OK)
-        hw_capture_free(out);
-    return status;
 }
 
 void hw_capture_free(hw_capture *capture)

@@ -1,7 +1,6 @@
 // Captures: the colours and depths of one object, cast from a cell's centre through a window on one
 // of the cell's faces (thesis 5.2.1, SVMesh derivation, step 1).
 #pragma once
-#include "atlas.h"
 #include "details.h"
 #include "hexgrid.h"
 
@@ -14,9 +13,6 @@ typedef struct hw_capture_window {
     float x_min, x_max, y_min, y_max;
     uint32_t width, height; // texels
 } hw_capture_window;
-
-// The window of a rectangle of the texels.
-hw_capture_window hw_capture_window_part(const hw_capture_window *whole, hw_rect rect);
 
 // Texel (i, j) is element j * width + i. Zero-initialise; free with hw_capture_free.
 typedef struct hw_capture {
@@ -73,8 +69,5 @@ double hw_capture_thread_seconds(void);
 // filled neighbours (of eight), so that neither bilinear filtering nor a mesh that exceeds the
 // original's outline meets the background. Their a stays 0 and their depth INFINITY.
 void hw_capture_dilate(hw_capture *capture, uint32_t texels);
-
-// A copy of a rectangle of the texels, which lies within the capture, of one object.
-HW_MUST_USE hw_status hw_capture_crop(const hw_capture *from, hw_rect rect, hw_capture *out);
 
 void hw_capture_free(hw_capture *capture);

@@ -1,5 +1,6 @@
 #include "outer_hull.h"
 #include "alloc.h"
+#include "planar.h"
 #include <math.h>
 #include <string.h>
 
@@ -8,12 +9,6 @@
 #define CORNER_PIXELS 4.0
 
 typedef double corner[2];
-
-// Twice the area of a, b, c: positive if they turn left.
-static double turn(const corner a, const corner b, const corner c)
-{
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
-}
 
 static void remove_corner(corner *hull, uint32_t *count, uint32_t i)
 {
@@ -36,13 +31,13 @@ static uint32_t convex_hull(const bool *mask, uint32_t width, uint32_t height, c
             if (x == width)
                 continue;
             const corner p = {side ? x : width - x, border / 2 + border % 2};
-            while (count >= base + 2 && turn(hull[count - 2], hull[count - 1], p) <= 0)
+            while (count >= base + 2 && hw_turn(hull[count - 2], hull[count - 1], p) <= 0)
                 count--;
             memcpy(hull[count++], p, sizeof p);
         }
     }
     for (uint32_t i = 0; i < count && count > 3;) { // where the sides meet
-        if (turn(hull[(i + count - 1) % count], hull[i], hull[(i + 1) % count]) > 0) {
+        if (hw_turn(hull[(i + count - 1) % count], hull[i], hull[(i + 1) % count]) > 0) {
             i++;
         } else {
             remove_corner(hull, &count, i);
@@ -66,7 +61,7 @@ static bool meet_beyond(corner *hull, uint32_t count, uint32_t i, const corner l
     double s = ((d[0] - b[0]) * v[1] - (d[1] - b[1]) * v[0]) / det;
     out[0] = b[0] + s * u[0];
     out[1] = b[1] + s * u[1];
-    *area = turn(b, out, c) / 2;
+    *area = hw_turn(b, out, c) / 2;
     return s > 0 && *area > 0 && out[0] >= 0 && out[1] >= 0 && out[0] <= limits[0] &&
            out[1] <= limits[1];
 }
@@ -75,7 +70,7 @@ static uint32_t drop_corners(corner *hull, uint32_t count, const corner limits)
 {
     double whole = 0;
     for (uint32_t i = 2; i < count; i++)
-        whole += turn(hull[0], hull[i - 1], hull[i]) / 2;
+        whole += hw_turn(hull[0], hull[i - 1], hull[i]) / 2;
     while (count > 3) {
         uint32_t best = count;
         double area,

@@ -2,6 +2,7 @@
 #include "alloc.h"
 #include "bit_raster.h"
 #include "outer_hull.h"
+#include "sketch.h"
 #include "terrain.h"
 #include <math.h>
 #include <string.h>
@@ -20,7 +21,7 @@
 // picture, and a group's file is all the smaller.
 #define GROUP_FACTOR 2.0
 // The outline slips by more than the self-occluding error over this, as a rule: of statues that
-// were tried beyond it, one in a hundred kept its outline.
+// were tried beyond it, two in a hundred kept their outlines.
 #define SLIP_DIVISOR 30.0
 
 static double outline_limit(const hw_svmesh_job *job)
@@ -96,7 +97,7 @@ static hw_status texels_make(const hw_svmesh_job *job, const hw_capture *capture
                 (size_t)(y + HW_CAPTURE_PADDING) * capture->width + x + HW_CAPTURE_PADDING;
             t->covered[i] = capture->coverage[from] >= COVERED;
             t->parallax[i] =
-                t->covered[i]
+                t->covered[i] && capture->depths[from] < INFINITY
                     ? (float)(job->view->focal_px * job->view->size / (double)capture->depths[from])
                     : NAN;
         }
@@ -331,6 +332,24 @@ out:
     return status;
 }
 
+// Whether a relief that is made of a sketch does, so that no ray is cast in vain.
+static hw_status keeps_outline(const hw_svmesh_job *job, const hw_mesh *level,
+                               const hw_vec3 *level_points, const hw_capture_window *window,
+                               bool *out)
+{
+    hw_status status;
+    hw_relief trial = {.window = *window};
+    double error = INFINITY;
+    HW_GO(hw_sketch(level, level_points, window, &trial.capture));
+    HW_GO(fit_mesh(job, false, &trial));
+    if (trial.mesh.index_count > 0)
+        HW_GO(outline_error(job, &trial, level, level_points, &error));
+    *out = error < outline_limit(job);
+out:
+    hw_relief_free(&trial);
+    return status;
+}
+
 // ---- all of it -------------------------------------------------------------------------------
 
 hw_status hw_relief_make(const hw_svmesh_job *job, bool flat, bool *good, hw_relief *out)
@@ -340,7 +359,7 @@ hw_status hw_relief_make(const hw_svmesh_job *job, bool flat, bool *good, hw_rel
     const hw_mesh *level = outline_level(job);
     hw_vec3 *points = NULL;
     hw_plane_bounds bounds;
-    double margin = MARGIN_PX / job->view->focal_px, error = 0;
+    double margin = MARGIN_PX / job->view->focal_px;
     memset(out, 0, sizeof *out);
     *good = false;
     HW_GO(HW_NEW(&points, level->vertex_count));
@@ -354,19 +373,18 @@ hw_status hw_relief_make(const hw_svmesh_job *job, bool flat, bool *good, hw_rel
     }
     if (!hw_capture_window_fit(job, job->view->centre, job->face, &bounds, &out->window))
         goto out;
+    if (!flat) {
+        HW_GO(keeps_outline(job, level, points, &out->window, good));
+        if (!*good)
+            goto out;
+    }
     HW_GO(hw_svmesh_capture(job, &out->window, HW_CUT_OUT_SAMPLES, &out->capture));
     HW_GO(fit_mesh(job, flat, out));
-    if (out->mesh.index_count == 0)
-        goto out;
-    if (!flat)
-        HW_GO(outline_error(job, out, level, points, &error));
-    *good = flat || error < outline_limit(job);
+    *good = out->mesh.index_count > 0;
 out:
     hw_free(points);
-    if (status != HW_OK)
+    if (status != HW_OK || !*good)
         hw_relief_free(out);
-    else if (!*good)
-        hw_view_mesh_free(&out->mesh);
     return status;
 }
 

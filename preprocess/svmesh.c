@@ -453,64 +453,23 @@ out:
     return status;
 }
 
-// A relief from *made; *good tells whether one may stand for the object.
-static hw_status derive_relief(const hw_svmesh_job *job, bool flat, bool *good, hw_relief *made,
-                               hw_svmesh *out)
+// A relief; *good tells whether one may stand for the object.
+static hw_status derive_relief(const hw_svmesh_job *job, bool flat, bool *good, hw_svmesh *out)
 {
     hw_status status;
-    HW_GO(hw_relief_make(job, flat, good, made));
+    hw_relief relief = {0};
+    HW_GO(hw_relief_make(job, flat, good, &relief));
     if (*good && job->occlusion)
-        HW_GO(drop_hidden(job, &made->mesh));
-    if (made->mesh.index_count == 0)
+        HW_GO(drop_hidden(job, &relief.mesh));
+    if (relief.mesh.index_count == 0)
         goto out;
-    HW_GO(assemble(job, &made->mesh, &made->window, true, out));
+    HW_GO(assemble(job, &relief.mesh, &relief.window, true, out));
     if (out->record.index_count == 0)
         goto out;
-    out->capture = made->capture;
-    made->capture = (hw_capture){0};
+    out->capture = relief.capture;
+    relief.capture = (hw_capture){0};
 out:
-    if (status != HW_OK || out->record.index_count == 0)
-        hw_svmesh_free(out);
-    return status;
-}
-
-// The texels of a window that a mesh in image space needs, with their padding; false if some of
-// them lie outside.
-static bool needed_texels(const hw_svmesh_job *job, const hw_capture_window *window,
-                          const hw_view_mesh *mesh, hw_rect *out)
-{
-    double min[3], max[3], focal = job->view->focal_px;
-    double low[2] = {(double)window->x_min, (double)window->y_min};
-    double texel[2] = {((double)window->x_max - low[0]) / window->width,
-                       ((double)window->y_max - low[1]) / window->height};
-    double side[2] = {window->width, window->height}, first[2], last[2];
-    image_bounds(mesh, min, max);
-    for (int k = 0; k < 2; k++) {
-        first[k] = floor((min[k] / focal - low[k]) / texel[k]) - HW_CAPTURE_PADDING;
-        last[k] = ceil((max[k] / focal - low[k]) / texel[k]) + HW_CAPTURE_PADDING;
-        if (!(first[k] >= 0 && last[k] <= side[k] && first[k] < last[k]))
-            return false;
-    }
-    *out = (hw_rect){(uint32_t)first[0], (uint32_t)first[1], (uint32_t)(last[0] - first[0]),
-                     (uint32_t)(last[1] - first[1])};
-    return true;
-}
-
-// hw_svmesh_finish, with what a refused relief has captured if that holds the mesh.
-static hw_status finish_after(const hw_svmesh_job *job, const hw_relief *refused,
-                              const hw_view_mesh *mesh, bool *fits, hw_svmesh *out)
-{
-    hw_status status = HW_OK;
-    hw_rect rect;
-    if (!refused->capture.colors || !needed_texels(job, &refused->window, mesh, &rect))
-        return hw_svmesh_finish(job, mesh, fits, out);
-    memset(out, 0, sizeof *out);
-    *fits = true;
-    hw_capture_window window = hw_capture_window_part(&refused->window, rect);
-    HW_GO(assemble(job, mesh, &window, false, out));
-    if (out->record.index_count > 0)
-        HW_GO(hw_capture_crop(&refused->capture, rect, &out->capture));
-out:
+    hw_relief_free(&relief);
     if (status != HW_OK || out->record.index_count == 0)
         hw_svmesh_free(out);
     return status;
@@ -538,7 +497,6 @@ hw_status hw_svmesh_derive(hw_svmesh_job *job, bool *is_near, hw_svmesh *out)
 {
     hw_status status = HW_OK;
     hw_view_mesh mesh = {0};
-    hw_relief relief = {0};
     bool fits = true;
     memset(out, 0, sizeof *out);
     double error;
@@ -547,19 +505,18 @@ hw_status hw_svmesh_derive(hw_svmesh_job *job, bool *is_near, hw_svmesh *out)
         return HW_OK;
     bool good = false;
     if (hw_relief_is_likely(job, error))
-        HW_GO(derive_relief(job, error < job->options->impostor_px, &good, &relief, out));
+        HW_GO(derive_relief(job, error < job->options->impostor_px, &good, out));
     if (good)
-        goto out;
+        return HW_OK;
     HW_GO(job->options->policy->simplify(job, &mesh));
     if (job->occlusion && mesh.index_count > 0)
         HW_GO(drop_hidden(job, &mesh));
     if (mesh.index_count > 0)
-        HW_GO(finish_after(job, &relief, &mesh, &fits, out));
+        HW_GO(hw_svmesh_finish(job, &mesh, &fits, out));
     *is_near = !fits;
     if (fits && job->multi_view && out->record.index_count > 0)
         HW_GO(hw_mvmesh_add_views(job, out));
 out:
-    hw_relief_free(&relief);
     hw_view_mesh_free(&mesh);
     if (status != HW_OK)
         hw_svmesh_free(out);

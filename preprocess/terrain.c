@@ -1,6 +1,7 @@
 #include "terrain.h"
 #include "alloc.h"
 #include "conjugate_gradients.h"
+#include "planar.h"
 #include <math.h>
 #include <string.h>
 
@@ -21,12 +22,6 @@ typedef struct surface {
     uint32_t vertex_count, triangle_count;
 } surface;
 
-// Twice the area of a, b, c: positive if they turn left.
-static double turn(const double *a, const double *b, const double *c)
-{
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
-}
-
 // Whether d lies in the circle through a, b and c, by more than rounding.
 static bool in_circle(const double *a, const double *b, const double *c, const double *d)
 {
@@ -40,7 +35,7 @@ static bool in_circle(const double *a, const double *b, const double *c, const d
     double det = m[0][2] * (m[1][0] * m[2][1] - m[2][0] * m[1][1]) +
                  m[1][2] * (m[2][0] * m[0][1] - m[0][0] * m[2][1]) +
                  m[2][2] * (m[0][0] * m[1][1] - m[1][0] * m[0][1]);
-    return det > 1e-9 * (m[0][2] + m[1][2] + m[2][2]) * fabs(turn(a, b, c));
+    return det > 1e-9 * (m[0][2] + m[1][2] + m[2][2]) * fabs(hw_turn(a, b, c));
 }
 
 // ---- samples of a triangle -------------------------------------------------------------------
@@ -51,11 +46,6 @@ typedef struct walk {
     double slack[3];   // down to minus which a weight counts as inside
     uint32_t x_begin, x_end, y_end, x, y; // x, y: where it goes on
 } walk;
-
-static uint32_t clamp_index(double value, uint32_t count)
-{
-    return value <= 0 ? 0 : value >= count ? count : (uint32_t)value;
-}
 
 static walk walk_make(const surface *t, const triangle *f, double margin)
 {
@@ -69,7 +59,7 @@ static walk walk_make(const surface *t, const triangle *f, double margin)
             high[a] = fmax(high[a], p[k][a]);
         }
     }
-    double area = turn(p[0], p[1], p[2]);
+    double area = hw_turn(p[0], p[1], p[2]);
     for (int k = 0; k < 3; k++) {
         const double *a = p[(k + 1) % 3], *b = p[(k + 2) % 3];
         w.edge[k][0] = (a[1] - b[1]) / area;
@@ -77,11 +67,11 @@ static walk walk_make(const surface *t, const triangle *f, double margin)
         w.edge[k][2] = (a[0] * b[1] - b[0] * a[1]) / area;
         w.slack[k] = 1e-9 + margin * hypot(w.edge[k][0], w.edge[k][1]);
     }
-    w.x_begin = clamp_index(ceil(low[0] - 0.5 - margin), t->field->width);
-    w.x_end = clamp_index(floor(high[0] + 0.5 + margin), t->field->width);
+    w.x_begin = hw_clamp_index(ceil(low[0] - 0.5 - margin), t->field->width);
+    w.x_end = hw_clamp_index(floor(high[0] + 0.5 + margin), t->field->width);
     w.x = w.x_begin;
-    w.y = clamp_index(ceil(low[1] - 0.5 - margin), t->field->height);
-    w.y_end = clamp_index(floor(high[1] + 0.5 + margin), t->field->height);
+    w.y = hw_clamp_index(ceil(low[1] - 0.5 - margin), t->field->height);
+    w.y_end = hw_clamp_index(floor(high[1] + 0.5 + margin), t->field->height);
     return w;
 }
 
@@ -175,8 +165,8 @@ static void make_delaunay(surface *t, uint32_t a, uint32_t b, uint32_t corner)
         !in_circle(t->vertices[a], t->vertices[b], t->vertices[corner], t->vertices[far->v[2]]))
         return;
     uint32_t opposite = far->v[2];
-    if (!(turn(t->vertices[corner], t->vertices[a], t->vertices[opposite]) > 0) ||
-        !(turn(t->vertices[corner], t->vertices[opposite], t->vertices[b]) > 0))
+    if (!(hw_turn(t->vertices[corner], t->vertices[a], t->vertices[opposite]) > 0) ||
+        !(hw_turn(t->vertices[corner], t->vertices[opposite], t->vertices[b]) > 0))
         return;
     *near = (triangle){.v = {corner, a, opposite}, .worst = NONE, .error = -1};
     *far = (triangle){.v = {corner, opposite, b}, .worst = NONE, .error = -1};
@@ -198,7 +188,7 @@ static void insert(surface *t, uint32_t triangle_idx, uint32_t sample)
     t->triangles[triangle_idx] = t->triangles[--t->triangle_count];
     for (int k = 0; k < 3; k++) {
         uint32_t a = v[k], b = v[(k + 1) % 3];
-        if (turn(t->vertices[a], t->vertices[b], p) > 1e-9) {
+        if (hw_turn(t->vertices[a], t->vertices[b], p) > 1e-9) {
             (void)add_triangle(t, a, b, added);
             continue;
         }

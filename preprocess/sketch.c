@@ -1,0 +1,108 @@
+#include "sketch.h"
+#include "alloc.h"
+#include "bit_raster.h"
+#include "planar.h"
+#include <math.h>
+
+#define FINE 4u // points of a texel, along each axis
+
+// A vertex in the window: texels, and what runs straight over a triangle in the picture.
+typedef struct point {
+    double at[2], inverse_depth;
+} point;
+
+static hw_status project(const hw_vec3 *points, uint32_t count, const hw_capture_window *w,
+                         point **out)
+{
+    hw_vec3 axis, right, up;
+    hw_face_basis(w->face, &axis, &right, &up);
+    double low[2] = {(double)w->x_min, (double)w->y_min};
+    double step[2] = {((double)w->x_max - low[0]) / w->width,
+                      ((double)w->y_max - low[1]) / w->height};
+    HW_TRY(HW_NEW(out, count));
+    for (uint32_t v = 0; v < count; v++) {
+        hw_vec3 rel = hw_v3_sub(points[v], w->centre);
+        double depth = (double)hw_v3_dot(rel, axis);
+        (*out)[v] = (point){{((double)hw_v3_dot(rel, right) / depth - low[0]) / step[0],
+                             ((double)hw_v3_dot(rel, up) / depth - low[1]) / step[1]},
+                            1 / depth};
+    }
+    return HW_OK;
+}
+
+// Keeps the depths of a triangle where they are the least so far.
+static void fill_depths(const point *const p[3], hw_capture *out)
+{
+    double low[2], high[2], area = hw_turn(p[0]->at, p[1]->at, p[2]->at);
+    if (area == 0)
+        return;
+    for (int k = 0; k < 2; k++) {
+        low[k] = fmin(p[0]->at[k], fmin(p[1]->at[k], p[2]->at[k]));
+        high[k] = fmax(p[0]->at[k], fmax(p[1]->at[k], p[2]->at[k]));
+    }
+    uint32_t x_begin = hw_clamp_index(ceil(low[0] - 0.5), out->width);
+    uint32_t x_end = hw_clamp_index(floor(high[0] + 0.5), out->width);
+    uint32_t y_end = hw_clamp_index(floor(high[1] + 0.5), out->height);
+    for (uint32_t j = hw_clamp_index(ceil(low[1] - 0.5), out->height); j < y_end; j++)
+        for (uint32_t i = x_begin; i < x_end; i++) {
+            const double centre[2] = {i + 0.5, j + 0.5};
+            double u = hw_turn(centre, p[1]->at, p[2]->at) / area;
+            double v = hw_turn(p[0]->at, centre, p[2]->at) / area;
+            if (u < 0 || v < 0 || u + v > 1)
+                continue;
+            float *depth = &out->depths[(size_t)j * out->width + i];
+            double inverse = u * p[0]->inverse_depth + v * p[1]->inverse_depth +
+                             (1 - u - v) * p[2]->inverse_depth;
+            *depth = fminf(*depth, (float)(1 / inverse));
+        }
+}
+
+// The share of the fine pixels of each texel.
+static void count_coverage(const uint64_t *bits, uint32_t size, hw_capture *out)
+{
+    for (uint32_t j = 0; j < out->height; j++)
+        for (uint32_t i = 0; i < out->width; i++) {
+            uint32_t count = 0;
+            for (uint32_t k = 0; k < FINE; k++) {
+                size_t at = (size_t)(FINE * j + k) * size + FINE * i; // four within one word
+                count += (uint32_t)__builtin_popcountll(bits[at / 64] >> (at % 64) & 15);
+            }
+            out->coverage[(size_t)j * out->width + i] =
+                (uint8_t)((count * 255 + FINE * FINE / 2) / (FINE * FINE));
+        }
+}
+
+hw_status hw_sketch(const hw_mesh *mesh, const hw_vec3 *points, const hw_capture_window *window,
+                    hw_capture *out)
+{
+    hw_status status;
+    point *projected = NULL;
+    uint64_t *bits = NULL;
+    uint32_t side = window->width > window->height ? window->width : window->height;
+    uint32_t size = (FINE * side + 63) / 64 * 64;
+    size_t count = (size_t)window->width * window->height;
+    *out = (hw_capture){.width = window->width, .height = window->height};
+    HW_GO(HW_NEW(&out->coverage, count));
+    HW_GO(HW_NEW(&out->depths, count));
+    HW_GO(HW_NEW(&bits, (size_t)size * size / 64));
+    HW_GO(project(points, mesh->vertex_count, window, &projected));
+    for (size_t i = 0; i < count; i++)
+        out->depths[i] = INFINITY;
+    for (uint32_t i = 0; i + 2 < mesh->index_count; i += 3) {
+        const point *p[3];
+        hw_point2 fine[3];
+        for (uint32_t k = 0; k < 3; k++) {
+            p[k] = &projected[mesh->indices[i + k]];
+            fine[k] = (hw_point2){(float)(p[k]->at[0] * FINE), (float)(p[k]->at[1] * FINE)};
+        }
+        hw_raster_fill_triangle(bits, size, fine[0], fine[1], fine[2]);
+        fill_depths(p, out);
+    }
+    count_coverage(bits, size, out);
+out:
+    hw_free(bits);
+    hw_free(projected);
+    if (status != HW_OK)
+        hw_capture_free(out);
+    return status;
+}
