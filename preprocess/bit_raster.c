@@ -57,7 +57,8 @@ void hw_raster_fill_triangle(uint64_t *bits, uint32_t side, hw_point2 a, hw_poin
         float y = (float)row + 0.5f;
         float x0 = crossing(a, c, long_side, y);
         float x1 = y < b.y ? crossing(a, b, lower, y) : crossing(b, c, upper, y);
-        int32_t first = first_centre(fminf(x0, x1), size), last = first_centre(fmaxf(x0, x1), size);
+        int32_t first = first_centre(x0 < x1 ? x0 : x1, size);
+        int32_t last = first_centre(x0 < x1 ? x1 : x0, size);
         if (first < last)
             set_span(bits + (size_t)row * words, first, last);
     }

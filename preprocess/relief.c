@@ -22,7 +22,7 @@
 #define GROUP_FACTOR 2.0
 // The outline slips by more than the self-occluding error over this, as a rule: of statues that
 // were tried beyond it, two in a hundred kept their outlines.
-#define SLIP_DIVISOR 30.0
+#define SLIP_DIVISOR 25.0
 
 static double outline_limit(const hw_svmesh_job *job)
 {
@@ -315,7 +315,7 @@ static double outline_distance(comparison *c, double focal_px)
     return (double)different / fmax(length, 1) * focal_px / c->scale;
 }
 
-// The mean over three corners of the cell, every other one.
+// The mean over three corners of the cell, every other one; at least the limit if it is not below.
 static hw_status outline_error(const hw_svmesh_job *job, const hw_relief *r, const hw_mesh *level,
                                const hw_vec3 *level_points, double *out)
 {
@@ -323,7 +323,7 @@ static hw_status outline_error(const hw_svmesh_job *job, const hw_relief *r, con
     comparison c = {0};
     *out = 0;
     HW_GO(comparison_make(job, r, level, level_points, &c));
-    for (int i = 0; i < 3; i++)
+    for (int i = 0; i < 3 && *out < outline_limit(job); i++)
         *out += look_from(&c, job->view->corners[2 * i], job->view->focal_px)
                     ? outline_distance(&c, job->view->focal_px) / 3
                     : (double)INFINITY;

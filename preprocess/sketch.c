@@ -53,7 +53,8 @@ static void fill_depths(const point *const p[3], hw_capture *out)
             float *depth = &out->depths[(size_t)j * out->width + i];
             double inverse = u * p[0]->inverse_depth + v * p[1]->inverse_depth +
                              (1 - u - v) * p[2]->inverse_depth;
-            *depth = fminf(*depth, (float)(1 / inverse));
+            if (1 / inverse < (double)*depth)
+                *depth = (float)(1 / inverse);
         }
 }
 

@@ -13,10 +13,10 @@
 #define QUANTUM_PX      (1.0 / 32) // coarser steps show on silhouettes
 // What a capture is cast against may be off by this much, as the nearest viewer in the cell sees
 // it.
-#define CAPTURE_ERROR_PX 0.03
-// Of a viewer's pixels: filtering then blurs less, and outlines of reliefs are told finer (0.16 dB
-// for a quarter more bytes of textures).
-#define TEXELS_PER_PX 1.15
+#define CAPTURE_ERROR_PX 0.045
+// Of a viewer's pixels: filtering then blurs less, and outlines of reliefs are told finer (0.1 dB
+// for a fifth more bytes of textures).
+#define TEXELS_PER_PX 1.1
 #define OCCLUSION_PX  8.0 // between points of a face that are looked for
 
 static const hw_svmesh_policy *const policies[] = {&hw_policy_screen, &hw_policy_thesis, NULL};

@@ -44,8 +44,25 @@ static bool in_circle(const double *a, const double *b, const double *c, const d
 typedef struct walk {
     double edge[3][3]; // weight of corner k at (x, y): edge[k][0] x + edge[k][1] y + edge[k][2]
     double slack[3];   // down to minus which a weight counts as inside
-    uint32_t x_begin, x_end, y_end, x, y; // x, y: where it goes on
+    uint32_t x_begin, x_end, y_end; // of the triangle's bounds
+    uint32_t x, x_stop, y;          // where it goes on, up to where in this row
 } walk;
+
+// The samples of row w->y that may lie inside, and perhaps one more at either end.
+static void begin_row(walk *w)
+{
+    double begin = w->x_begin, end = w->x_end;
+    for (int k = 0; k < 3; k++) {
+        double slope = w->edge[k][0];
+        double crossing = (-w->slack[k] - w->edge[k][1] * (w->y + 0.5) - w->edge[k][2]) / slope;
+        if (slope > 0)
+            begin = fmax(begin, floor(crossing - 0.5));
+        else if (slope < 0)
+            end = fmin(end, ceil(crossing - 0.5) + 1);
+    }
+    w->x = hw_clamp_index(begin, w->x_end);
+    w->x_stop = hw_clamp_index(end, w->x_end);
+}
 
 static walk walk_make(const surface *t, const triangle *f, double margin)
 {
@@ -69,9 +86,9 @@ static walk walk_make(const surface *t, const triangle *f, double margin)
     }
     w.x_begin = hw_clamp_index(ceil(low[0] - 0.5 - margin), t->field->width);
     w.x_end = hw_clamp_index(floor(high[0] + 0.5 + margin), t->field->width);
-    w.x = w.x_begin;
     w.y = hw_clamp_index(ceil(low[1] - 0.5 - margin), t->field->height);
     w.y_end = hw_clamp_index(floor(high[1] + 0.5 + margin), t->field->height);
+    begin_row(&w);
     return w;
 }
 
@@ -89,13 +106,16 @@ static bool weights_at(const walk *w, uint32_t x, uint32_t y, double out[3])
 // The next sample that is to be met, and the weights of the corners there; false: no more.
 static bool next_sample(const surface *t, walk *w, size_t *sample, double weights[3])
 {
-    for (; w->y < w->y_end; w->y++, w->x = w->x_begin)
-        while (w->x < w->x_end) {
+    while (w->y < w->y_end) {
+        while (w->x < w->x_stop) {
             uint32_t x = w->x++;
             *sample = (size_t)w->y * t->field->width + x;
             if (!isnan(t->field->heights[*sample]) && weights_at(w, x, w->y, weights))
                 return true;
         }
+        w->y++;
+        begin_row(w);
+    }
     return false;
 }
 
@@ -214,14 +234,20 @@ static void set_corner(const surface *t, const double at[2], double out[3])
     out[0] = at[0];
     out[1] = at[1];
     out[2] = 0;
-    for (uint32_t y = 0; y < field->height; y++)
-        for (uint32_t x = 0; x < field->width; x++) {
-            double dx = x + 0.5 - at[0], dy = y + 0.5 - at[1], d = dx * dx + dy * dy;
-            if (d < best && !isnan(field->heights[(size_t)y * field->width + x])) {
+    // Rows next to it first, until they are farther away than what was found.
+    for (uint32_t i = 0; i < 2 * field->height; i++) {
+        int64_t row = (int64_t)at[1] + (i % 2 ? -(int64_t)(i / 2 + 1) : (int64_t)(i / 2));
+        if (i / 2 > 0 && (double)(i / 2 - 1) * (i / 2 - 1) >= best)
+            return;
+        for (uint32_t x = 0; row >= 0 && row < field->height && x < field->width; x++) {
+            double dx = x + 0.5 - at[0], dy = (double)row + 0.5 - at[1], d = dx * dx + dy * dy;
+            float height = field->heights[(size_t)row * field->width + x];
+            if (d < best && !isnan(height)) {
                 best = d;
-                out[2] = (double)field->heights[(size_t)y * field->width + x];
+                out[2] = (double)height;
             }
         }
+    }
 }
 
 static void refine(surface *t, uint32_t vertices_max)
