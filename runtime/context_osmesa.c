@@ -8,15 +8,6 @@
 
 #define KEPT_BYTES (8 << 20)
 
-#ifdef __SANITIZE_ADDRESS__
-// OSMesa keeps some hundred bytes of every context for good.
-const char *__lsan_default_suppressions(void);
-const char *__lsan_default_suppressions(void)
-{
-    return "leak:libOSMesa\n";
-}
-#endif
-
 typedef struct osmesa_state {
     OSMesaContext context;
     uint8_t *pixels;
