@@ -21,7 +21,7 @@
 // picture, and a group's file is all the smaller.
 #define GROUP_FACTOR 2.0
 // The outline slips by more than the self-occluding error over this, as a rule: of statues that
-// were tried beyond it, two in a hundred kept their outlines.
+// were tried beyond it, five in a hundred kept their outlines.
 #define SLIP_DIVISOR 25.0
 
 static double outline_limit(const hw_svmesh_job *job)

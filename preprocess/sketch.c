@@ -14,18 +14,16 @@ typedef struct point {
 static hw_status project(const hw_vec3 *points, uint32_t count, const hw_capture_window *w,
                          point **out)
 {
-    hw_vec3 axis, right, up;
-    hw_face_basis(w->face, &axis, &right, &up);
     double low[2] = {(double)w->x_min, (double)w->y_min};
     double step[2] = {((double)w->x_max - low[0]) / w->width,
                       ((double)w->y_max - low[1]) / w->height};
     HW_TRY(HW_NEW(out, count));
     for (uint32_t v = 0; v < count; v++) {
-        hw_vec3 rel = hw_v3_sub(points[v], w->centre);
-        double depth = (double)hw_v3_dot(rel, axis);
-        (*out)[v] = (point){{((double)hw_v3_dot(rel, right) / depth - low[0]) / step[0],
-                             ((double)hw_v3_dot(rel, up) / depth - low[1]) / step[1]},
-                            1 / depth};
+        double plane[3] = {0, 0, 1};
+        (void)hw_plane_project(w->centre, w->face, points[v], plane); // in front, as promised
+        for (int k = 0; k < 2; k++)
+            (*out)[v].at[k] = (plane[k] - low[k]) / step[k];
+        (*out)[v].inverse_depth = 1 / plane[2];
     }
     return HW_OK;
 }

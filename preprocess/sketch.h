@@ -1,7 +1,7 @@
 // Sketches: what a capture will tell of an object's outline and depth, drawn from a level of
 // detail. They cost a tenth of the rays and serve to find out whether these are worth casting.
 #pragma once
-#include "capture.h"
+#include "svmesh.h"
 
 // Coverage and depths (NULL: colours) of a mesh whose vertices lie at `points`, world space.
 // Coverage counts 4 x 4 points of a texel; depths are those at centres of texels, INFINITY where
