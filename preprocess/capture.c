@@ -521,6 +521,15 @@ void hw_capture_dilate(hw_capture *capture, uint32_t texels)
             capture->colors[i].a = 0;
 }
 
+void hw_capture_window_texel(const hw_capture_window *w, const double plane[2], double texel[2])
+{
+    double low[2] = {(double)w->x_min, (double)w->y_min};
+    double step[2] = {((double)w->x_max - low[0]) / w->width,
+                      ((double)w->y_max - low[1]) / w->height};
+    for (int k = 0; k < 2; k++)
+        texel[k] = (plane[k] - low[k]) / step[k];
+}
+
 void hw_capture_free(hw_capture *capture)
 {
     if (!capture)

@@ -13,6 +13,9 @@ typedef struct hw_capture_window {
     float x_min, x_max, y_min, y_max;
     uint32_t width, height; // texels
 } hw_capture_window;
+// Where in the window a point of the plane lies: texels from its corner (x_min, y_min).
+void hw_capture_window_texel(const hw_capture_window *window, const double plane[2],
+                             double texel[2]);
 
 // Texel (i, j) is element j * width + i. Zero-initialise; free with hw_capture_free.
 typedef struct hw_capture {

@@ -189,7 +189,6 @@ static hw_status comparison_make(const hw_svmesh_job *job, const hw_relief *r, c
                                  const hw_vec3 *level_points, comparison *out)
 {
     const hw_view_mesh *mesh = &r->mesh;
-    const hw_capture_window *w = &r->window;
     uint32_t most =
         level->vertex_count > mesh->vertex_count ? level->vertex_count : mesh->vertex_count;
     *out =
@@ -200,13 +199,11 @@ static hw_status comparison_make(const hw_svmesh_job *job, const hw_relief *r, c
     HW_TRY(HW_NEW(&out->depths, most));
     HW_TRY(HW_NEW(&out->level_bits, RASTER_MAX * RASTER_MAX / 64));
     HW_TRY(HW_NEW(&out->relief_bits, RASTER_MAX * RASTER_MAX / 64));
-    double low[2] = {(double)w->x_min, (double)w->y_min};
-    double texel[2] = {((double)w->x_max - low[0]) / w->width,
-                       ((double)w->y_max - low[1]) / w->height};
     for (uint32_t v = 0; v < mesh->vertex_count; v++) {
         out->relief_points[v] = hw_svmesh_unproject(job, mesh->positions[v]);
-        for (int k = 0; k < 2; k++)
-            out->texels[v][k] = (mesh->positions[v][k] / job->view->focal_px - low[k]) / texel[k];
+        const double plane[2] = {mesh->positions[v][0] / job->view->focal_px,
+                                 mesh->positions[v][1] / job->view->focal_px};
+        hw_capture_window_texel(&r->window, plane, out->texels[v]);
     }
     return HW_OK;
 }

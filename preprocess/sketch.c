@@ -14,15 +14,11 @@ typedef struct point {
 static hw_status project(const hw_vec3 *points, uint32_t count, const hw_capture_window *w,
                          point **out)
 {
-    double low[2] = {(double)w->x_min, (double)w->y_min};
-    double step[2] = {((double)w->x_max - low[0]) / w->width,
-                      ((double)w->y_max - low[1]) / w->height};
     HW_TRY(HW_NEW(out, count));
     for (uint32_t v = 0; v < count; v++) {
         double plane[3] = {0, 0, 1};
         (void)hw_plane_project(w->centre, w->face, points[v], plane); // in front, as promised
-        for (int k = 0; k < 2; k++)
-            (*out)[v].at[k] = (plane[k] - low[k]) / step[k];
+        hw_capture_window_texel(w, plane, (*out)[v].at);
         (*out)[v].inverse_depth = 1 / plane[2];
     }
     return HW_OK;

@@ -1,5 +1,5 @@
 // Sketches: what a capture will tell of an object's outline and depth, drawn from a level of
-// detail. They cost a tenth of the rays and serve to find out whether these are worth casting.
+// detail. They cost little beside rays and serve to find out whether these are worth casting.
 #pragma once
 #include "svmesh.h"
 

@@ -14,8 +14,8 @@
 // What a capture is cast against may be off by this much, as the nearest viewer in the cell sees
 // it.
 #define CAPTURE_ERROR_PX 0.045
-// Of a viewer's pixels: filtering then blurs less, and outlines of reliefs are told finer (0.1 dB
-// for a fifth more bytes of textures).
+// Of a viewer's pixels: filtering then blurs less, and outlines of reliefs are told finer (0.13 dB
+// for a sixth more bytes of textures).
 #define TEXELS_PER_PX 1.1
 #define OCCLUSION_PX  8.0 // between points of a face that are looked for
 
