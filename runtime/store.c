@@ -636,7 +636,7 @@ hw_status hw_store_create(const hw_store_desc *desc, hw_store **out)
     s->account = desc->account;
     s->mode = desc->mode;
     uint64_t usual = desc->mode == HW_LOADER_WAITS ? HW_STORE_GPU_WAITING : HW_STORE_GPU_BUDGET;
-    s->gpu_budget = desc->gpu_budget ? desc->gpu_budget : usual;
+    s->gpu_budget = desc->gpu_budget ? desc->gpu_budget : usual * desc->manifest->grid.levels;
     s->ram_budget = desc->ram_budget ? desc->ram_budget : HW_STORE_RAM_BUDGET;
     s->frame_bytes = desc->frame_bytes ? desc->frame_bytes : HW_STORE_FRAME_BYTES;
     if (s->frame_bytes < HW_UPLOAD_BUDGET_MIN)

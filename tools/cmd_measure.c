@@ -68,7 +68,8 @@ static uint32_t fill_options(hw_option *out, uint32_t capacity)
         {"bandwidth", 0, HW_OPTION_BYTES, &options.bandwidth, "BYTES", NULL, 0, 0,
          "With --streaming: once more reading at most so many bytes a second, 5M for instance."},
         {"gpu-budget", 0, HW_OPTION_BYTES, &options.gpu_budget, "BYTES", NULL, 0, 0,
-         "With --streaming: memory for the dataset's data on the GPU; 0: 16M."},
+         "With --streaming: memory for the dataset's data on the GPU; 0: 16M for each "
+         "level of cells."},
         {"ram-budget", 0, HW_OPTION_BYTES, &options.ram_budget, "BYTES", NULL, 0, 0,
          "With --streaming: memory for data on their way to the GPU; 0: 4M."},
         {"json", 0, HW_OPTION_STRING, &options.json, "FILE", NULL, 0, 0,

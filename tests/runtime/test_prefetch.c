@@ -274,6 +274,29 @@ static void test_budgets(void **state)
     }
 }
 
+// Without a budget of the user's, a frame's cells of every level have a share of the same size.
+static void test_default_budget(void **state)
+{
+    fixture *f = *state;
+    hw_manifest manifest = f->dataset.manifest;
+    hw_gpu_account account = {0};
+    for (int32_t levels = 1; levels <= 3; levels++) {
+        manifest.grid.levels = levels;
+        hw_store_desc desc = {.location = f->dataset.folder,
+                              .manifest = &manifest,
+                              .account = &account,
+                              .mode = HW_LOADER_SIMULATED};
+        for (uint64_t chosen = 0; chosen <= 1000000; chosen += 1000000) {
+            desc.gpu_budget = chosen;
+            hw_store *store = NULL;
+            assert_ok(hw_store_create(&desc, &store));
+            assert_int_equal(hw_store_gpu_budget(store),
+                             chosen ? chosen : (uint64_t)levels * HW_STORE_GPU_BUDGET);
+            hw_store_destroy(store);
+        }
+    }
+}
+
 // Where cells dissolve into each other all of them are there, with what is near in them, under a
 // budget that holds hardly more than the three that a frame may show.
 static void test_crossings(void **state)
@@ -516,6 +539,7 @@ int main(void)
         cmocka_unit_test(test_distances),       cmocka_unit_test(test_nothing_missing),
         cmocka_unit_test(test_late_data),       cmocka_unit_test(test_same_frames),
         cmocka_unit_test(test_budgets),         cmocka_unit_test(test_crossings),
+        cmocka_unit_test(test_default_budget),  cmocka_unit_test(test_crossings),
         cmocka_unit_test(test_least_memory),    cmocka_unit_test(test_draw_allocates_nothing),
         cmocka_unit_test(test_simulated_waits), cmocka_unit_test(test_vanished),
         cmocka_unit_test(test_vanished_thread), cmocka_unit_test(test_truncated),
