@@ -175,6 +175,9 @@ hw_status hw_cell_validate(const hw_cell *cell, const char *name)
     for (uint32_t i = 0; i < cell->near_count; i++)
         if (cell->near[i].level >= HW_MESH_LEVELS_MAX)
             return hw_fail(HW_FORMAT, "%s: near object %u: level %u", name, i, cell->near[i].level);
+    for (uint32_t i = 1; i < cell->near_count; i++)
+        if (cell->near[i].object_idx <= cell->near[i - 1].object_idx)
+            return hw_fail(HW_FORMAT, "%s: near object %u is out of order", name, i);
     uint32_t first_vertex = 0, first_index = 0, first_view = 0, first_range = 0;
     for (uint32_t i = 0; i < cell->far_count; i++) {
         HW_TRY(validate_far_place(cell, i, name));

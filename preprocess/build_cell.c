@@ -95,7 +95,7 @@ static void copy_capture(hw_image *atlas, const hw_rect *place, const hw_capture
 {
     for (uint32_t y = 0; y < capture->height; y++) {
         const hw_color8 *from = capture->colors + (size_t)y * capture->width;
-        const uint8_t *coverage = capture->coverage + (size_t)y * capture->width;
+        const uint8_t *coverage = cut_out ? capture->coverage + (size_t)y * capture->width : NULL;
         uint8_t *to = atlas->data + ((size_t)(place->y + y) * atlas->width + place->x) * 4;
         for (uint32_t x = 0; x < capture->width; x++, to += 4) {
             to[0] = from[x].r;

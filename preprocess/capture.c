@@ -65,7 +65,7 @@ typedef struct shader {
     hw_vec3 inverse[3];      // columns of world to mesh: their products with a normal turn it to
                              // the world, by the inverse transpose
     hw_vec3 axis, right, up; // the window's directions in mesh space
-    float step_x, step_y;    // of one sample, plane coordinates
+    float step_x, step_y;    // plane coordinates that a sample stands for
     // Light x vertex colour x base colour at the corners of the triangle met last: neighbouring
     // samples mostly meet the same one.
     uint32_t lit_triangle;
@@ -118,7 +118,7 @@ static rgb light_vertex(const shader *s, uint32_t vertex)
     return color;
 }
 
-// Derivatives of (u, v) by one sample's step in the window, by the plane of the triangle (Igehy,
+// Derivatives of (u, v) by a sample's share of the window, by the plane of the triangle (Igehy,
 // Tracing Ray Differentials, SIGGRAPH 1999).
 static void footprint(const shader *s, const uint32_t *t, hw_vec3 direction, float distance,
                       float dx[2], float dy[2])
@@ -185,6 +185,7 @@ typedef struct texel_sum {
 typedef struct row_job {
     const hw_capture_window *window;
     uint32_t samples;
+    float step_x, step_y; // from one sample to the next, plane coordinates
     hw_detail detail;
     hw_vec3 origin; // in its space, as the directions
     bool coherent;
@@ -200,14 +201,12 @@ typedef struct row_job {
 
 static float sample_x(const row_job *job, uint32_t i, uint32_t k)
 {
-    return job->window->x_min +
-           ((float)(i * job->samples + k % job->samples) + 0.5f) * job->shader.step_x;
+    return job->window->x_min + ((float)(i * job->samples + k % job->samples) + 0.5f) * job->step_x;
 }
 
 static float sample_y(const row_job *job, uint32_t j, uint32_t k)
 {
-    return job->window->y_min +
-           ((float)(j * job->samples + k / job->samples) + 0.5f) * job->shader.step_y;
+    return job->window->y_min + ((float)(j * job->samples + k / job->samples) + 0.5f) * job->step_y;
 }
 
 static void add_hit(row_job *job, uint32_t i, uint32_t j, uint32_t k, const hw_hit *hit,
@@ -325,8 +324,12 @@ static hw_status set_up_job(row_job *job, const hw_capturer *capturer, uint32_t 
     set_up_order(job);
     hw_face_basis(window->face, &axis, &right, &up);
     job->shader = shader_make(capturer, object_idx, job->detail.mesh, &inverse, axis, right, up);
-    job->shader.step_x = (window->x_max - window->x_min) / (float)(window->width * samples);
-    job->shader.step_y = (window->y_max - window->y_min) / (float)(window->height * samples);
+    job->step_x = (window->x_max - window->x_min) / (float)(window->width * samples);
+    job->step_y = (window->y_max - window->y_min) / (float)(window->height * samples);
+    // The rays that a texel has at least fill it.
+    float fill = (float)samples / sqrtf((float)job->first_count);
+    job->shader.step_x = job->step_x * fill;
+    job->shader.step_y = job->step_y * fill;
     size_t rays = (size_t)window->width * samples * samples;
     // Measured: coherent traversal wins as soon as there are a few rays per visible triangle.
     job->coherent = rays * window->height > job->shader.mesh->index_count / 3 / 4;
@@ -400,7 +403,8 @@ out:
     return status;
 }
 
-// The texels of a window that an object's box covers, with one more on each side.
+// The texels of a window that an object's box covers, with one more on each side; all if it
+// reaches behind the window's eye.
 static hw_rect covered_texels(const hw_capture_window *w, hw_box box)
 {
     hw_vec3 axis, right, up;
@@ -409,6 +413,8 @@ static hw_rect covered_texels(const hw_capture_window *w, hw_box box)
     for (uint32_t i = 0; i < 8; i++) {
         hw_vec3 rel = hw_v3_sub(hw_box_corner(box, i), w->centre);
         float depth = hw_v3_dot(rel, axis);
+        if (!(depth > 1e-3f))
+            return (hw_rect){0, 0, w->width, w->height};
         float x = (hw_v3_dot(rel, right) / depth - w->x_min) / (w->x_max - w->x_min);
         float y = (hw_v3_dot(rel, up) / depth - w->y_min) / (w->y_max - w->y_min);
         const float p[2] = {x * (float)w->width, y * (float)w->height};

@@ -78,8 +78,8 @@ static area area_on(const clustering *k, uint32_t item, int face, double nearest
             a.high[i] = fmax(a.high[i], p[i]);
         }
     }
-    // One texel per pixel of the nearest viewer in the cell, as of objects alone.
-    a.density = view->focal_px * fmax(1, depth_min / fmax(nearest, DEPTH_MIN));
+    // For the nearest viewer in the cell, as of objects alone.
+    a.density = view->focal_px * HW_TEXELS_PER_PX * fmax(1, depth_min / fmax(nearest, DEPTH_MIN));
     return a;
 }
 

@@ -99,26 +99,20 @@ int hw_mvmesh_face(const hw_svmesh_job *job, hw_vec3 eye)
 // Projects the vertices to the plane of the view; false if one lies behind it.
 static bool project(const work *w, view *v, hw_plane_bounds *bounds)
 {
-    *bounds = (hw_plane_bounds){{INFINITY, INFINITY}, {-INFINITY, -INFINITY}, INFINITY};
-    for (uint32_t i = 0; i < w->mesh->record.vertex_count; i++) {
-        double *p = v->points[i];
-        if (!hw_plane_project(v->eye, v->face, w->world[i], p))
-            return false;
-        hw_plane_bounds_add(bounds, p);
-        p[2] = 1 / p[2];
-    }
+    uint32_t count = w->mesh->record.vertex_count;
+    if (!hw_plane_project_all(v->eye, v->face, w->world, count, v->points, bounds))
+        return false;
+    for (uint32_t i = 0; i < count; i++)
+        v->points[i][2] = 1 / v->points[i][2];
     return true;
 }
 
 // Points on the plane become texels of the window.
 static void to_texels(const work *w, view *v)
 {
-    const hw_capture_window *window = &v->window;
-    double scale_x = window->width / ((double)window->x_max - window->x_min);
-    double scale_y = window->height / ((double)window->y_max - window->y_min);
     for (uint32_t i = 0; i < w->mesh->record.vertex_count; i++) {
-        v->points[i][0] = (v->points[i][0] - window->x_min) * scale_x;
-        v->points[i][1] = (v->points[i][1] - window->y_min) * scale_y;
+        const double plane[2] = {v->points[i][0], v->points[i][1]};
+        hw_capture_window_texel(&v->window, plane, v->points[i]);
     }
 }
 

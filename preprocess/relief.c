@@ -2,6 +2,7 @@
 #include "alloc.h"
 #include "bit_raster.h"
 #include "outer_hull.h"
+#include "planar.h"
 #include "sketch.h"
 #include "terrain.h"
 #include <math.h>
@@ -23,6 +24,7 @@
 // The outline slips by more than the self-occluding error over this, as a rule: of statues that
 // were tried beyond it, five in a hundred kept their outlines.
 #define SLIP_DIVISOR 25.0
+#define BACKS_MAX    1.02 // of the area of fronts; above 1, for borders that were simplified
 
 static double outline_limit(const hw_svmesh_job *job)
 {
@@ -43,18 +45,18 @@ static const hw_mesh *outline_level(const hw_svmesh_job *job)
     return &job->chain->levels[l];
 }
 
-// False if the object reaches behind the plane of the eye.
-static bool bounds_from(hw_vec3 eye, int face, const hw_vec3 *points, uint32_t count,
-                        hw_plane_bounds *out)
+// Whether the picture shows backs of faces: of a closed surface as much turns away as towards the
+// eye. Captures have both sides of open surfaces, but only fronts are drawn.
+static bool shows_backs(const hw_mesh *level, const double (*planes)[3], bool mirrored)
 {
-    *out = (hw_plane_bounds){{INFINITY, INFINITY}, {-INFINITY, -INFINITY}, INFINITY};
-    for (uint32_t i = 0; i < count; i++) {
-        double plane[3];
-        if (!hw_plane_project(eye, face, points[i], plane))
-            return false;
-        hw_plane_bounds_add(out, plane);
+    double front = 0, back = 0;
+    for (uint32_t i = 0; i + 2 < level->index_count; i += 3) {
+        const uint32_t *t = level->indices + i;
+        double turn = hw_turn(planes[t[0]], planes[t[1]], planes[t[2]]) * (mirrored ? -1 : 1);
+        front += fmax(turn, 0);
+        back += fmax(-turn, 0);
     }
-    return count > 0;
+    return back > front * BACKS_MAX;
 }
 
 // ---- the mesh --------------------------------------------------------------------------------
@@ -63,12 +65,13 @@ static bool bounds_from(hw_vec3 eye, int face, const hw_vec3 *points, uint32_t c
 typedef struct texels {
     const hw_capture *capture;
     uint32_t width, height;
-    bool *covered;
+    bool *touched, *covered;      // at all; as far as it shows
     float *parallax, *tolerances; // px; parallax is NAN where nothing shows
 } texels;
 
 static void texels_free(texels *t)
 {
+    hw_free(t->touched);
     hw_free(t->covered);
     hw_free(t->parallax);
     hw_free(t->tolerances);
@@ -87,6 +90,7 @@ static hw_status texels_make(const hw_svmesh_job *job, const hw_capture *capture
                   .width = capture->width - 2 * HW_CAPTURE_PADDING,
                   .height = capture->height - 2 * HW_CAPTURE_PADDING};
     size_t count = (size_t)t->width * t->height;
+    HW_TRY(HW_NEW(&t->touched, count));
     HW_TRY(HW_NEW(&t->covered, count));
     HW_TRY(HW_NEW(&t->parallax, count));
     HW_TRY(HW_NEW(&t->tolerances, count));
@@ -95,6 +99,7 @@ static hw_status texels_make(const hw_svmesh_job *job, const hw_capture *capture
             size_t i = (size_t)y * t->width + x;
             size_t from =
                 (size_t)(y + HW_CAPTURE_PADDING) * capture->width + x + HW_CAPTURE_PADDING;
+            t->touched[i] = capture->coverage[from] > 0; // filtered, the outline passes here
             t->covered[i] = capture->coverage[from] >= COVERED;
             t->parallax[i] =
                 t->covered[i] && capture->depths[from] < INFINITY
@@ -143,7 +148,7 @@ static hw_status fit_mesh(const hw_svmesh_job *job, bool flat, hw_relief *r)
     uint32_t corner_count;
     hw_terrain terrain = {0};
     HW_GO(texels_make(job, &r->capture, &t));
-    HW_GO(hw_outer_hull(t.covered, t.width, t.height, &hull, &corner_count));
+    HW_GO(hw_outer_hull(t.touched, t.width, t.height, &hull, &corner_count));
     if (corner_count == 0)
         goto out;
     const hw_height_field field = {t.width, t.height, t.parallax, t.tolerances};
@@ -166,8 +171,8 @@ typedef struct comparison {
     const hw_vec3 *level_points; // world
     hw_vec3 *relief_points;      // world
     double (*texels)[2];         // of the relief's vertices, in the capture
-    hw_point2 *pixels;           // of either's vertices
-    double *depths;
+    double (*planes)[3];         // of either's vertices, as the eye projects them
+    hw_point2 *pixels;
     uint64_t *level_bits, *relief_bits;
     uint32_t size; // of the rasters
     hw_vec3 eye;
@@ -179,8 +184,8 @@ static void comparison_free(comparison *c)
 {
     hw_free(c->relief_points);
     hw_free(c->texels);
+    hw_free(c->planes);
     hw_free(c->pixels);
-    hw_free(c->depths);
     hw_free(c->level_bits);
     hw_free(c->relief_bits);
 }
@@ -195,8 +200,8 @@ static hw_status comparison_make(const hw_svmesh_job *job, const hw_relief *r, c
         (comparison){.relief = r, .level = level, .level_points = level_points, .face = job->face};
     HW_TRY(HW_NEW(&out->relief_points, mesh->vertex_count));
     HW_TRY(HW_NEW(&out->texels, mesh->vertex_count));
+    HW_TRY(HW_NEW(&out->planes, most));
     HW_TRY(HW_NEW(&out->pixels, most));
-    HW_TRY(HW_NEW(&out->depths, most));
     HW_TRY(HW_NEW(&out->level_bits, RASTER_MAX * RASTER_MAX / 64));
     HW_TRY(HW_NEW(&out->relief_bits, RASTER_MAX * RASTER_MAX / 64));
     for (uint32_t v = 0; v < mesh->vertex_count; v++) {
@@ -208,17 +213,17 @@ static hw_status comparison_make(const hw_svmesh_job *job, const hw_relief *r, c
     return HW_OK;
 }
 
-// False if something lies behind the plane of the eye.
+// Projects the object; false if something of it lies behind the plane of the eye.
 static bool look_from(comparison *c, hw_vec3 eye, double focal_px)
 {
     hw_plane_bounds b;
-    if (!bounds_from(eye, c->face, c->level_points, c->level->vertex_count, &b))
+    if (!hw_plane_project_all(eye, c->face, c->level_points, c->level->vertex_count, c->planes, &b))
         return false;
-    double side = fmax(b.max[0] - b.min[0], b.max[1] - b.min[1]) * focal_px + 2 * MARGIN_PX;
+    double side = fmax(b.max[0] - b.min[0], b.max[1] - b.min[1]) * focal_px;
     c->size = 64;
-    while (c->size < RASTER_MAX && c->size < side)
+    while (c->size < RASTER_MAX && c->size < side + 2 * MARGIN_PX)
         c->size *= 2;
-    c->scale = focal_px * fmin(1, c->size / side);
+    c->scale = focal_px * fmin(1, (c->size - 2 * MARGIN_PX) / side);
     for (int k = 0; k < 2; k++)
         c->origin[k] = b.min[k] - MARGIN_PX / c->scale;
     c->eye = eye;
@@ -227,17 +232,11 @@ static bool look_from(comparison *c, hw_vec3 eye, double focal_px)
     return true;
 }
 
-static bool project(comparison *c, const hw_vec3 *points, uint32_t count)
+static void find_pixels(comparison *c, uint32_t count)
 {
-    for (uint32_t i = 0; i < count; i++) {
-        double plane[3];
-        if (!hw_plane_project(c->eye, c->face, points[i], plane))
-            return false;
-        c->pixels[i] = (hw_point2){(float)((plane[0] - c->origin[0]) * c->scale),
-                                   (float)((plane[1] - c->origin[1]) * c->scale)};
-        c->depths[i] = plane[2];
-    }
-    return true;
+    for (uint32_t i = 0; i < count; i++)
+        c->pixels[i] = (hw_point2){(float)((c->planes[i][0] - c->origin[0]) * c->scale),
+                                   (float)((c->planes[i][1] - c->origin[1]) * c->scale)};
 }
 
 // The coverage at a point of the capture, filtered as it is drawn.
@@ -263,7 +262,7 @@ static bool texel_at(const comparison *c, const uint32_t *t, double x, double y,
                    ((double)b.y - (double)a.y) * (x - (double)a.x);
         if (w < 0)
             return false;
-        w /= c->depths[t[k]]; // straight in space, not in the picture
+        w /= c->planes[t[k]][2]; // straight in space, not in the picture
         sum += w;
         texel[0] += w * c->texels[t[k]][0];
         texel[1] += w * c->texels[t[k]][1];
@@ -294,17 +293,21 @@ static void fill_cut_out(comparison *c, const uint32_t *t)
 }
 
 // Mean distance of both outlines as the eye sees them, pixels: the area that only one of them
-// covers over the length of the object's. INFINITY if one lies behind the eye's plane.
+// covers over the length of the object's, which was projected. INFINITY if the relief lies behind
+// the eye's plane.
 static double outline_distance(comparison *c, double focal_px)
 {
     const uint32_t *t = c->level->indices;
     const hw_view_mesh *mesh = &c->relief->mesh;
-    (void)project(c, c->level_points, c->level->vertex_count); // looked at before
+    hw_plane_bounds unused;
+    find_pixels(c, c->level->vertex_count);
     for (uint32_t i = 0; i + 2 < c->level->index_count; i += 3)
         hw_raster_fill_triangle(c->level_bits, c->size, c->pixels[t[i]], c->pixels[t[i + 1]],
                                 c->pixels[t[i + 2]]);
-    if (!project(c, c->relief_points, mesh->vertex_count))
+    if (!hw_plane_project_all(c->eye, c->face, c->relief_points, mesh->vertex_count, c->planes,
+                              &unused))
         return INFINITY;
+    find_pixels(c, mesh->vertex_count);
     for (uint32_t i = 0; i + 2 < mesh->index_count; i += 3)
         fill_cut_out(c, mesh->indices + i);
     double length = hw_raster_border_length(c->level_bits, c->size);
@@ -312,7 +315,8 @@ static double outline_distance(comparison *c, double focal_px)
     return (double)different / fmax(length, 1) * focal_px / c->scale;
 }
 
-// The mean over three corners of the cell, every other one; at least the limit if it is not below.
+// The mean over three corners of the cell, every other one, the second at the top of the cell; at
+// least the limit if it is not below.
 static hw_status outline_error(const hw_svmesh_job *job, const hw_relief *r, const hw_mesh *level,
                                const hw_vec3 *level_points, double *out)
 {
@@ -320,8 +324,9 @@ static hw_status outline_error(const hw_svmesh_job *job, const hw_relief *r, con
     comparison c = {0};
     *out = 0;
     HW_GO(comparison_make(job, r, level, level_points, &c));
+    static const int seen_from[3] = {0, 8, 4}; // the lower ones come first
     for (int i = 0; i < 3 && *out < outline_limit(job); i++)
-        *out += look_from(&c, job->view->corners[2 * i], job->view->focal_px)
+        *out += look_from(&c, job->view->corners[seen_from[i]], job->view->focal_px)
                     ? outline_distance(&c, job->view->focal_px) / 3
                     : (double)INFINITY;
 out:
@@ -355,14 +360,19 @@ hw_status hw_relief_make(const hw_svmesh_job *job, bool flat, bool *good, hw_rel
     const hw_mat4 *transform = &job->scene->objects[job->object_idx].transform;
     const hw_mesh *level = outline_level(job);
     hw_vec3 *points = NULL;
+    double(*planes)[3] = NULL;
     hw_plane_bounds bounds;
     double margin = MARGIN_PX / job->view->focal_px;
     memset(out, 0, sizeof *out);
     *good = false;
     HW_GO(HW_NEW(&points, level->vertex_count));
+    HW_GO(HW_NEW(&planes, level->vertex_count));
     for (uint32_t v = 0; v < level->vertex_count; v++)
         points[v] = hw_mat4_point(transform, level->positions[v]);
-    if (!bounds_from(job->view->centre, job->face, points, level->vertex_count, &bounds))
+    if (!hw_plane_project_all(job->view->centre, job->face, points, level->vertex_count, planes,
+                              &bounds) ||
+        level->index_count == 0 ||
+        shows_backs(level, (const double(*)[3])planes, hw_mat4_mirrors(transform)))
         goto out;
     for (int k = 0; k < 2; k++) {
         bounds.min[k] -= margin;
@@ -380,6 +390,7 @@ hw_status hw_relief_make(const hw_svmesh_job *job, bool flat, bool *good, hw_rel
     *good = out->mesh.index_count > 0;
 out:
     hw_free(points);
+    hw_free(planes);
     if (status != HW_OK || !*good)
         hw_relief_free(out);
     return status;

@@ -24,21 +24,35 @@ static hw_status project(const hw_vec3 *points, uint32_t count, const hw_capture
     return HW_OK;
 }
 
+// From where to where a row of texel centres may lie in the triangle.
+static void row_span(const point *const p[3], double y, double *begin, double *end)
+{
+    *begin = INFINITY;
+    *end = -INFINITY;
+    for (int k = 0; k < 3; k++) {
+        const double *a = p[k]->at, *b = p[(k + 1) % 3]->at;
+        if ((a[1] < y && b[1] < y) || (a[1] > y && b[1] > y))
+            continue;
+        double t = a[1] == b[1] ? 0 : (y - a[1]) / (b[1] - a[1]), x = a[0] + t * (b[0] - a[0]);
+        *begin = fmin(*begin, a[1] == b[1] ? fmin(a[0], b[0]) : x);
+        *end = fmax(*end, a[1] == b[1] ? fmax(a[0], b[0]) : x);
+    }
+}
+
 // Keeps the depths of a triangle where they are the least so far.
 static void fill_depths(const point *const p[3], hw_capture *out)
 {
-    double low[2], high[2], area = hw_turn(p[0]->at, p[1]->at, p[2]->at);
+    double area = hw_turn(p[0]->at, p[1]->at, p[2]->at);
     if (area == 0)
         return;
-    for (int k = 0; k < 2; k++) {
-        low[k] = fmin(p[0]->at[k], fmin(p[1]->at[k], p[2]->at[k]));
-        high[k] = fmax(p[0]->at[k], fmax(p[1]->at[k], p[2]->at[k]));
-    }
-    uint32_t x_begin = hw_clamp_index(ceil(low[0] - 0.5), out->width);
-    uint32_t x_end = hw_clamp_index(floor(high[0] + 0.5), out->width);
-    uint32_t y_end = hw_clamp_index(floor(high[1] + 0.5), out->height);
-    for (uint32_t j = hw_clamp_index(ceil(low[1] - 0.5), out->height); j < y_end; j++)
-        for (uint32_t i = x_begin; i < x_end; i++) {
+    double low = fmin(p[0]->at[1], fmin(p[1]->at[1], p[2]->at[1]));
+    double high = fmax(p[0]->at[1], fmax(p[1]->at[1], p[2]->at[1]));
+    uint32_t y_end = hw_clamp_index(floor(high + 0.5), out->height);
+    for (uint32_t j = hw_clamp_index(ceil(low - 0.5), out->height); j < y_end; j++) {
+        double begin, end;
+        row_span(p, j + 0.5, &begin, &end);
+        uint32_t x_end = hw_clamp_index(floor(end + 0.5) + 1, out->width);
+        for (uint32_t i = hw_clamp_index(ceil(begin - 0.5) - 1, out->width); i < x_end; i++) {
             const double centre[2] = {i + 0.5, j + 0.5};
             double u = hw_turn(centre, p[1]->at, p[2]->at) / area;
             double v = hw_turn(p[0]->at, centre, p[2]->at) / area;
@@ -50,6 +64,7 @@ static void fill_depths(const point *const p[3], hw_capture *out)
             if (1 / inverse < (double)*depth)
                 *depth = (float)(1 / inverse);
         }
+    }
 }
 
 // The share of the fine pixels of each texel.

@@ -16,8 +16,7 @@
 #define CAPTURE_ERROR_PX 0.045
 // Of a viewer's pixels: filtering then blurs less, and outlines of reliefs are told finer (0.13 dB
 // for a sixth more bytes of textures).
-#define TEXELS_PER_PX 1.1
-#define OCCLUSION_PX  8.0 // between points of a face that are looked for
+#define OCCLUSION_PX 8.0 // between points of a face that are looked for
 
 static const hw_svmesh_policy *const policies[] = {&hw_policy_screen, &hw_policy_thesis, NULL};
 
@@ -107,6 +106,18 @@ void hw_plane_bounds_add(hw_plane_bounds *bounds, const double plane[3])
     bounds->depth_min = fmin(bounds->depth_min, plane[2]);
 }
 
+bool hw_plane_project_all(hw_vec3 eye, int face, const hw_vec3 *points, uint32_t count,
+                          double (*planes)[3], hw_plane_bounds *bounds)
+{
+    *bounds = (hw_plane_bounds){{INFINITY, INFINITY}, {-INFINITY, -INFINITY}, INFINITY};
+    for (uint32_t i = 0; i < count; i++) {
+        if (!hw_plane_project(eye, face, points[i], planes[i]))
+            return false;
+        hw_plane_bounds_add(bounds, planes[i]);
+    }
+    return true;
+}
+
 bool hw_svmesh_project(const hw_svmesh_job *job, hw_vec3 world, double image[3])
 {
     double plane[3], focal = job->view->focal_px;
@@ -153,14 +164,14 @@ static void image_bounds(const hw_view_mesh *mesh, double min[3], double max[3])
 }
 
 // Texels of a capture per pixel of its own view, where that sees something at a depth:
-// TEXELS_PER_PX per pixel of the nearest viewer in the cell. Captures of MVMeshes make most of a
+// HW_TEXELS_PER_PX per pixel of the nearest viewer in the cell. Captures of MVMeshes make most of a
 // cell's bytes, and few viewers come as near: one per pixel of a viewer half way between the
 // nearest and the effective distance (as ratios) takes half the texels and costs less than 0.05 dB.
 static double texels_per_pixel(const hw_svmesh_job *job, double depth)
 {
     double nearest = fmax(job->distance.nearest, 1e-3);
     return job->multi_view ? depth / sqrt(nearest * job->distance.effective)
-                           : TEXELS_PER_PX * fmax(1, depth / nearest);
+                           : HW_TEXELS_PER_PX * fmax(1, depth / nearest);
 }
 
 bool hw_capture_window_fit(const hw_svmesh_job *job, hw_vec3 eye, int face,
@@ -458,10 +469,8 @@ static hw_status derive_relief(const hw_svmesh_job *job, bool flat, bool *good, 
 {
     hw_status status;
     hw_relief relief = {0};
-    HW_GO(hw_relief_make(job, flat, good, &relief));
-    if (*good && job->occlusion)
-        HW_GO(drop_hidden(job, &relief.mesh));
-    if (relief.mesh.index_count == 0)
+    HW_GO(hw_relief_make(job, flat, good, &relief)); // too few faces to look for hidden ones
+    if (!*good)
         goto out;
     HW_GO(assemble(job, &relief.mesh, &relief.window, true, out));
     if (out->record.index_count == 0)

@@ -150,9 +150,14 @@ typedef struct hw_plane_bounds {
     double min[2], max[2], depth_min;
 } hw_plane_bounds;
 void hw_plane_bounds_add(hw_plane_bounds *bounds, const double plane[3]);
-// The capture window of a rectangle seen from `eye`: one texel per pixel of the nearest viewer in
-// the cell, looking at the nearest part, grown by HW_CAPTURE_PADDING texels on each side. False if
-// a side would be too large.
+// All of `points`, and the bounds of them; false if one cannot be projected.
+bool hw_plane_project_all(hw_vec3 eye, int face, const hw_vec3 *points, uint32_t count,
+                          double (*planes)[3], hw_plane_bounds *bounds);
+// Texels of a capture (of an SVMesh or a relief) per pixel of the nearest viewer in the cell.
+#define HW_TEXELS_PER_PX 1.1
+// The capture window of a rectangle seen from `eye`: HW_TEXELS_PER_PX (less of MVMeshes) where the
+// nearest part is, grown by HW_CAPTURE_PADDING texels on each side. False if a side would be too
+// large.
 bool hw_capture_window_fit(const hw_svmesh_job *job, hw_vec3 eye, int face,
                            const hw_plane_bounds *bounds, hw_capture_window *out);
 // The window without its padding: x_min, x_max, y_min, y_max into range, width and height into the

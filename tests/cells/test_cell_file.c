@@ -209,6 +209,10 @@ static void near_level(hw_cell *c)
 {
     c->near[1].level = HW_MESH_LEVELS_MAX;
 }
+static void near_twice(hw_cell *c)
+{
+    c->near[1].object_idx = c->near[0].object_idx;
+}
 static void face_six(hw_cell *c)
 {
     c->far[2].face = 6;
@@ -367,6 +371,7 @@ static void test_validation(void **state)
     const break_fn breakers[] = {nan_centre,
                                  negative_level,
                                  near_level,
+                                 near_twice,
                                  face_six,
                                  nan_range,
                                  empty_range,

@@ -169,6 +169,53 @@ static void what_opens_gaps_is_refused(void **state)
     clear_stage(&s);
 }
 
+// An upright sheet, across the view along +x, that turns its front or its back on the cell.
+static void set_sheet(stage *s, float y_min, float y_max, bool front)
+{
+    hw_vec3 along = hw_v3(0, y_max - y_min, 0), up = hw_v3(0, 0, 8);
+    set_stage(s, front ? shape_plane(hw_v3(200, y_min, 8), up, along, 4, 4)
+                       : shape_plane(hw_v3(200, y_min, 8), along, up, 4, 4));
+}
+
+// Near by only the front of a sheet is drawn.
+static void backs_of_sheets_are_refused(void **state)
+{
+    (void)state;
+    for (int front = 0; front < 2; front++) {
+        stage s;
+        hw_relief r;
+        bool good;
+        set_sheet(&s, -10, 10, front);
+        assert_int_equal(hw_relief_make(&s.job, true, &good, &r), HW_OK);
+        assert_int_equal(good, front);
+        hw_relief_free(&r);
+        clear_stage(&s);
+    }
+}
+
+// Wherever between texels an edge lies, it is drawn there.
+static void no_edge_is_cut_off(void **state)
+{
+    (void)state;
+    for (int i = 0; i < 16; i++) {
+        stage s;
+        hw_relief r;
+        bool good;
+        float edge = -10 - 0.02f * (float)i; // on the right; a texel is 0.2 wide
+        set_sheet(&s, edge, 10, true);
+        double texel = 200 / s.view.focal_px / HW_TEXELS_PER_PX;
+        assert_int_equal(hw_relief_make(&s.job, true, &good, &r), HW_OK);
+        assert_true(good);
+        for (int side = -1; side <= 1; side += 2) {
+            hw_vec3 aim = hw_v3(200, edge - (float)(side * 0.2 * texel), 12);
+            hw_vec3 direction = hw_v3_normalize(hw_v3_sub(aim, s.view.centre));
+            assert_int_equal(shows(&s, &r, s.view.centre, direction), side < 0);
+        }
+        hw_relief_free(&r);
+        clear_stage(&s);
+    }
+}
+
 static void memory_may_end_anywhere(void **state)
 {
     (void)state;
@@ -197,6 +244,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_ball_is_met_from_all_over_the_cell),
         cmocka_unit_test(what_opens_gaps_is_refused),
+        cmocka_unit_test(backs_of_sheets_are_refused),
+        cmocka_unit_test(no_edge_is_cut_off),
         cmocka_unit_test(memory_may_end_anywhere),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

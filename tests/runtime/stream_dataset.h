@@ -56,13 +56,14 @@ static void stream_wall(hw_cell *cell, uint32_t face)
 // Balls stand in cells of level 0: object 6 + index.
 static void stream_near(const stream_dataset *d, hw_cell *cell)
 {
+    const hw_hexgrid *grid = &d->manifest.grid;
     hw_cell_id around[7] = {cell->id};
     hw_cell_neighbours(cell->id, around + 1);
     assert_ok(HW_NEW(&cell->near, 7));
-    for (int i = 0; i < 7; i++)
-        if (hw_hexgrid_contains(&d->manifest.grid, around[i]))
-            cell->near[cell->near_count++] =
-                (hw_near_record){.object_idx = 6 + hw_hexgrid_index(&d->manifest.grid, around[i])};
+    for (uint32_t index = 0; index < hw_hexgrid_cell_count(grid); index++)
+        for (int i = 0; i < 7; i++)
+            if (hw_hexgrid_contains(grid, around[i]) && hw_hexgrid_index(grid, around[i]) == index)
+                cell->near[cell->near_count++] = (hw_near_record){.object_idx = 6 + index};
 }
 
 // Returns the bytes of its file.
