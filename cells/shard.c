@@ -34,7 +34,7 @@ static bool parse_name(const char *name, uint32_t *index, uint32_t *count)
 {
     char expected[64];
     unsigned k, n;
-    if (sscanf(name, "shard_%6u_of_%7u.json", &k, &n) != 2 || k < 1 || k > n || n > HW_SHARDS_MAX)
+    if (sscanf(name, "shard_%7u_of_%7u.json", &k, &n) != 2 || k < 1 || k > n || n > HW_SHARDS_MAX)
         return false;
     snprintf(expected, sizeof expected, "shard_%u_of_%u.json", k, n);
     *index = k - 1;

@@ -44,7 +44,8 @@ const hw_rays *hw_capturer_rays(const hw_capturer *capturer);
 // colour x the interpolation over the triangle of vertex colour x hw_light(world normal): per
 // vertex, as the vertex shader has it. A texel's colour is the mean of its covered samples,
 // rounded; its depth that of the covered sample nearest to its centre (of equally near ones the
-// first in rows from the lower left: with 2 x 2 samples a quarter texel down and left).
+// first that is cast: with 2 x 2 samples a quarter texel down and left; with 4 x 4, where the first
+// four meet something, an eighth left and three down).
 //
 // The object may be off by `error`, world units, where that makes it cheaper (hw_details_choose);
 // 0: it is the original.
