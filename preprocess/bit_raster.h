@@ -14,7 +14,7 @@ void hw_raster_fill_triangle(uint64_t *bits, uint32_t size, hw_point2 a, hw_poin
 // Length of the border of the set pixels, in pixels, by the Cauchy-Crofton formula over lines in
 // four directions: pi / (2 * 4) times the sum of (spacing of the lines * crossings). Exact on
 // average over all orientations of a border, within 6 % for straight ones at the worst angle. The
-// outermost columns must be empty.
+// outermost rows and columns must be empty.
 double hw_raster_border_length(const uint64_t *bits, uint32_t size);
 // How many pixels are set in one of the two only.
 uint64_t hw_raster_difference(const uint64_t *a, const uint64_t *b, uint32_t size);

@@ -24,9 +24,9 @@ typedef struct hw_terrain {
 
 // Triangulates a convex counter-clockwise polygon of at least three corners, no three in one line,
 // with vertices at its corners and at samples inside of it: as many as are needed for each sample
-// to be met within its tolerance, but no more than vertices_max altogether. Triangles without a
-// sample to be met in them, or closer than one step to them, are left out. Fails only for want of
-// memory; on failure *out is zeroed.
+// to be met within its tolerance, but no more than vertices_max altogether, if there are fewer
+// corners than that. Triangles without a sample to be met in them, or closer than one step to them,
+// are left out. Fails only for want of memory; on failure *out is zeroed.
 HW_MUST_USE hw_status hw_terrain_fit(const hw_height_field *field, const double (*polygon)[2],
                                      uint32_t corner_count, uint32_t vertices_max, hw_terrain *out);
 void hw_terrain_free(hw_terrain *terrain);
