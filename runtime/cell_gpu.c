@@ -269,7 +269,6 @@ static hw_status create_objects(hw_gpu_account *account, const hw_cell_data *dat
 hw_status hw_cell_gpu_create(hw_gpu_account *account, const hw_cell_data *data, bool blocks,
                              hw_cell_gpu *out, hw_upload *upload)
 {
-    uint64_t before = account->bytes;
     *out =
         (hw_cell_gpu){.id = data->id, .records = &data->records, .index_bytes = data->index_bytes};
     *upload = (hw_upload){0};
@@ -281,7 +280,6 @@ hw_status hw_cell_gpu_create(hw_gpu_account *account, const hw_cell_data *data, 
         hw_cell_gpu_free(account, out);
         return status;
     }
-    out->gpu_bytes = account->bytes - before;
     hw_upload_add(upload, (hw_upload_part){.buffer = out->vertices.name,
                                            .data = (const uint8_t *)data->vertices,
                                            .bytes = vertex_bytes(data)});

@@ -67,8 +67,6 @@ uint64_t hw_cell_data_gpu_bytes(const hw_cell_data *data, bool blocks);
 
 typedef struct hw_cell_gpu {
     hw_cell_id id;
-    uint64_t used;      // number of the last frame that drew it
-    uint64_t gpu_bytes; // 0: there are no far objects
     const hw_cell_records *records;
     GLuint array;
     hw_gpu_buffer vertices, indices, colors;

@@ -23,11 +23,17 @@ static void use_cells(hybrid *h, hw_cell_gpu *const *cells)
 }
 
 // Everything the cell needs before frames can be drawn in it, but the levels of its near meshes.
+static hw_status find_cell(const hybrid *h, hw_cell_id id, uint32_t *index)
+{
+    if (!hw_manifest_find_cell(&h->manifest, id, index))
+        return hw_fail(HW_FORMAT, "%s: has no cell %d/%d_%d", h->dataset, id.level, id.q, id.r);
+    return HW_OK;
+}
+
 static hw_status need_cell(hybrid *h, hw_cell_id id, hw_cell_gpu **out)
 {
     uint32_t index;
-    if (!hw_manifest_find_cell(&h->manifest, id, &index))
-        return hw_fail(HW_FORMAT, "%s: has no cell %d/%d_%d", h->dataset, id.level, id.q, id.r);
+    HW_TRY(find_cell(h, id, &index));
     HW_TRY(hw_store_need(h->store, cell_key(index)));
     const hw_cell_records *records = hw_store_records(h->store, index);
     for (uint32_t i = 0; i < records->near_count; i++) {
@@ -75,25 +81,34 @@ static bool find_closest_chain(hybrid *h, hw_vec3 eye, hw_cell_gpu *out[HW_CELL_
     return least < INFINITY;
 }
 
+// Whether the mesh cannot be drawn, nor will be: its table or its coarsest level failed to load.
+static bool has_mesh_failed(hybrid *h, uint32_t mesh)
+{
+    const hw_mesh_table *table = hw_store_table(h->store, mesh);
+    if (!table)
+        return hw_store_failed(h->store, (hw_data_key){HW_DATA_MESH, mesh, 0});
+    uint32_t last = table->level_count - 1;
+    return !hw_store_level(h->store, mesh, last) &&
+           hw_store_failed(h->store, (hw_data_key){HW_DATA_LEVEL, mesh, last});
+}
+
 // What the chain's first frame waits for has failed to load.
-static bool has_failed(hybrid *h, hw_cell_id id)
+static hw_status check_chain(hybrid *h, hw_cell_id id)
 {
     uint32_t index;
     bool failed = false;
     for (int32_t l = 0; l < h->manifest.grid.levels; l++, id = hw_cell_parent(id)) {
-        if (!hw_manifest_find_cell(&h->manifest, id, &index))
-            return true;
+        HW_TRY(find_cell(h, id, &index));
         const hw_cell_records *records = hw_store_records(h->store, index);
         failed = failed || hw_store_failed(h->store, cell_key(index));
         for (uint32_t i = 0; records && i < records->near_count; i++) {
             const hw_manifest_object *object = &h->manifest.objects[records->near[i].object_idx];
-            hw_data_key mesh = {HW_DATA_MESH, object->mesh_idx, 0};
             hw_data_key texture = {HW_DATA_TEXTURE, (uint32_t)object->texture_idx, 0};
-            failed = failed || hw_store_failed(h->store, mesh) ||
+            failed = failed || has_mesh_failed(h, object->mesh_idx) ||
                      (object->texture_idx >= 0 && hw_store_failed(h->store, texture));
         }
     }
-    return failed;
+    return failed ? hw_fail(HW_IO, "%s", hw_store_get_stats(h->store).problem) : HW_OK;
 }
 
 static double now_s(const hybrid *h)
@@ -125,8 +140,7 @@ static hw_status wait_for_chain(hybrid *h, const hw_camera *camera, hw_cell_id i
                                 hw_cell_gpu *out[HW_CELL_LEVELS_MAX])
 {
     while (!is_chain_ready(h, id, out)) {
-        if (has_failed(h, id))
-            return hw_fail(HW_IO, "%s", hw_store_get_stats(h->store).problem);
+        HW_TRY(check_chain(h, id));
         wait_a_little(h, camera);
     }
     return HW_OK;
@@ -196,6 +210,8 @@ static hw_status find_own_chain(hybrid *h, const hw_camera *camera, hw_cell_id i
     use_cells(h, out);
     for (int32_t l = 0; l < h->manifest.grid.levels && stats->stream.late_cells; l++)
         stats->stream.missing += out[l]->records->far_count;
+    if (stats->stream.late_cells && stats->stream.missing == 0)
+        stats->stream.missing = 1; // even if there is nothing in it
     return HW_OK;
 }
 

@@ -35,10 +35,14 @@ static hw_data_key draw_key(const hybrid *h, const near_draw *draw, double error
     return hw_hybrid_level_key(h, draw->object_idx, error_px, focal_px, draw->distance);
 }
 
-static uint64_t count_triangles(const hybrid *h, uint32_t count, double error_px, double focal_px)
+// Of the objects whose boxes the viewer stands in (those are drawn as they are), or of the others.
+static uint64_t count_triangles(const hybrid *h, uint32_t count, bool inside, double error_px,
+                                double focal_px)
 {
     uint64_t sum = 0;
     for (uint32_t i = 0; i < count; i++) {
+        if (inside != !(h->near[i].distance > 0))
+            continue;
         hw_data_key key = draw_key(h, &h->near[i], error_px, focal_px);
         sum += hw_store_table(h->store, key.index)->triangles[key.level];
     }
@@ -46,12 +50,15 @@ static uint64_t count_triangles(const hybrid *h, uint32_t count, double error_px
 }
 
 // The dataset's tolerance, or the least larger one with which all near objects together stay within
-// their budget of triangles: each gives up the same error on the screen.
+// their budget of triangles: each gives up the same error on the screen. Those that the viewer
+// stands in give up none, and leave the others half of the budget at least.
 static double fit_error(const hybrid *h, uint32_t count, double focal_px)
 {
     double error_px = h->manifest.near_error_px;
+    uint64_t inside = count_triangles(h, count, true, error_px, focal_px), all = h->near_triangles;
+    uint64_t budget = inside < all / 2 ? all - inside : all / 2;
     for (int i = 0; i < BUDGET_STEPS; i++) {
-        if (count_triangles(h, count, error_px, focal_px) <= h->near_triangles)
+        if (count_triangles(h, count, false, error_px, focal_px) <= budget)
             break;
         error_px = fmax(error_px, BUDGET_ERROR_MIN_PX) * BUDGET_STEP;
     }

@@ -33,6 +33,12 @@ typedef struct job {
     uint64_t stored_bytes; // read so far
 } job;
 
+// A wish, and how many results had been taken when it was made.
+typedef struct sent_wish {
+    hw_wish wish;
+    uint64_t taken_count;
+} sent_wish;
+
 typedef struct disposal {
     hw_loaded *loaded;
     bool all;
@@ -47,11 +53,13 @@ struct hw_loader {
     job jobs[JOBS_MAX];
     uint32_t job_count;
     hw_ring wishes, results, disposals;
+    hw_data_key result_keys[RESULTS_MAX]; // of the last results, by number
+    uint64_t result_count, taken_count;   // since the start; the second is the drawing thread's
     // What is known of sizes before a piece is decoded.
     double cell_ratio;       // the largest that was seen
     uint64_t *texture_bytes; // of those that were seen
     bool *has_uvs;           // by mesh
-    _Atomic uint64_t timestamp, ram_bytes, ram_peak, bytes, errors;
+    _Atomic uint64_t timestamp, ram_bytes, ram_peak, bytes;
     // Of the most urgent wish, if it waits for the budget: bytes with those of what is going on.
     _Atomic uint64_t room_wanted;
     _Atomic double room_priority;
@@ -267,7 +275,6 @@ static hw_loaded *step_job(hw_loader *l, job *j, bool *gone)
     out->stored_bytes = j->stored_bytes;
     if (status != HW_OK) {
         hw_error_save(out->error);
-        atomic_fetch_add(&l->errors, 1);
         if (l->started) // others return the error
             hw_log_warning("%s", out->error);
     }
@@ -360,6 +367,7 @@ static void put_result(hw_loader *l, uint32_t i, double t_priority, hw_loaded *l
         return;
     }
     hold(l, loaded);
+    l->result_keys[l->result_count++ % RESULTS_MAX] = loaded->key;
     if (hw_ring_put(&l->results, &loaded)) // has_room has left some
         return;
     atomic_fetch_sub(&l->ram_bytes, loaded->ram_bytes);
@@ -451,11 +459,23 @@ static void publish_queued(hw_loader *l)
     atomic_store(&l->queued, l->queue.count + l->job_count);
 }
 
+// Whether the result had not been taken yet when it was wished for: it has come meanwhile.
+static bool has_come(const hw_loader *l, const sent_wish *sent)
+{
+    uint64_t oldest = l->result_count > RESULTS_MAX ? l->result_count - RESULTS_MAX : 0;
+    for (uint64_t i = l->result_count; i > oldest && i > sent->taken_count; i--)
+        if (hw_data_key_equal(l->result_keys[(i - 1) % RESULTS_MAX], sent->wish.key))
+            return true;
+    return false;
+}
+
 static void take_wishes(hw_loader *l)
 {
-    hw_wish wish, lost;
-    while (hw_ring_take(&l->wishes, &wish)) {
-        bool running = false;
+    sent_wish sent;
+    hw_wish lost;
+    while (hw_ring_take(&l->wishes, &sent)) {
+        const hw_wish wish = sent.wish;
+        bool running = has_come(l, &sent);
         for (uint32_t i = 0; i < l->job_count && !running; i++) {
             running = hw_data_key_equal(l->jobs[i].key, wish.key);
             if (running)
@@ -575,7 +595,8 @@ void hw_loader_run(hw_loader *loader, double until_s)
 
 bool hw_loader_wish(hw_loader *loader, const hw_wish *wish)
 {
-    bool fits = hw_ring_put(&loader->wishes, wish);
+    const sent_wish sent = {*wish, loader->taken_count};
+    bool fits = hw_ring_put(&loader->wishes, &sent);
     sem_post(&loader->wake);
     return fits;
 }
@@ -595,6 +616,7 @@ hw_loaded *hw_loader_take(hw_loader *loader)
         loader->held = out;
         return NULL;
     }
+    loader->taken_count++;
     if (loader->started)
         sem_post(&loader->wake); // there is room
     return out;
@@ -605,8 +627,7 @@ hw_loader_stats hw_loader_get_stats(const hw_loader *loader)
     return (hw_loader_stats){.queued = atomic_load(&loader->queued),
                              .ram_bytes = atomic_load(&loader->ram_bytes),
                              .ram_peak = atomic_load(&loader->ram_peak),
-                             .bytes = atomic_load(&loader->bytes),
-                             .errors = atomic_load(&loader->errors)};
+                             .bytes = atomic_load(&loader->bytes)};
 }
 
 // ---- making and freeing ----------------------------------------------------------------------
@@ -640,7 +661,7 @@ hw_status hw_loader_create(const hw_loader_desc *desc, hw_loader **out)
     HW_GO(HW_NEW(&l->tables, desc->manifest->mesh_count));
     HW_GO(HW_NEW(&l->has_uvs, desc->manifest->mesh_count));
     HW_GO(HW_NEW(&l->texture_bytes, desc->manifest->texture_count));
-    HW_GO(hw_ring_create(&l->wishes, WISHES_MAX, sizeof(hw_wish)));
+    HW_GO(hw_ring_create(&l->wishes, WISHES_MAX, sizeof(sent_wish)));
     HW_GO(hw_ring_create(&l->results, RESULTS_MAX, sizeof(hw_loaded *)));
     HW_GO(hw_ring_create(&l->disposals, DISPOSALS_MAX, sizeof(disposal)));
     HW_GO(open_source(l, desc));

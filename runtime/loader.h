@@ -93,7 +93,6 @@ typedef struct hw_loader_stats {
     uint64_t ram_bytes; // of results not disposed of
     uint64_t ram_peak;  // the most there were since the start
     uint64_t bytes;     // read since the start
-    uint64_t errors;    // pieces that failed
 } hw_loader_stats;
 hw_loader_stats hw_loader_get_stats(const hw_loader *loader);
 // Bytes that must be disposed of before the most urgent wish can be begun, and how urgent that is;

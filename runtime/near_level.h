@@ -33,7 +33,6 @@ typedef struct hw_near_level {
     uint32_t index_count;
     GLenum index_type;
     bool has_uvs;
-    uint64_t used; // number of the last frame that drew it
     hw_near_inside inside;
 } hw_near_level;
 

@@ -5,8 +5,8 @@
 #include "hierarchy.h"
 #include <math.h>
 
-#define CANDIDATES_MAX 19u // the viewer's cell and two rings
-#define PLAN_MAX       (CANDIDATES_MAX * HW_CELL_LEVELS_MAX + 512u)
+#define CANDIDATES_MAX 19u  // the viewer's cell and two rings
+#define PLAN_LEVELS    512u // levels of near meshes in a plan, beside what each cannot do without
 
 // Weights of what makes a cell urgent; their sum stays below PRIORITY_HERE.
 #define WEIGHT_CLOSE   0.55
@@ -63,8 +63,8 @@ struct hw_prefetch {
     hw_crossing crossings[WAY_POINTS]; // there
     candidate candidates[CANDIDATES_MAX];
     uint32_t candidate_count;
-    plan_entry plan[PLAN_MAX];
-    uint32_t plan_count;
+    plan_entry *plan;
+    uint32_t plan_count, plan_capacity;
 };
 
 // ---- priorities ------------------------------------------------------------------------------
@@ -272,7 +272,7 @@ static void plan(hw_prefetch *p, const plan_entry *add)
         p->plan[i].priority = fmax(p->plan[i].priority, add->priority);
         return;
     }
-    if (p->plan_count < PLAN_MAX)
+    if (p->plan_count < p->plan_capacity)
         p->plan[p->plan_count++] = *add;
 }
 
@@ -398,28 +398,24 @@ static void plan_levels(hw_prefetch *p, const candidate *c, const near_object *n
     }
 }
 
-// What the candidate needs of an object that is near in it.
-static void plan_object(hw_prefetch *p, const candidate *c, uint32_t object_idx)
+// What the candidate cannot be shown without of an object that is near in it.
+static void plan_object(hw_prefetch *p, const candidate *c, const near_object *n)
 {
-    const hw_manifest_object *object = &p->manifest->objects[object_idx];
     double first = c->priority < PRIORITY_HERE ? c->priority + BEFORE : PRIORITY_MUST;
-    near_object n = {.object = object,
-                     .table = hw_store_table(p->store, object->mesh_idx),
-                     .stretch = (double)p->stretch[object_idx]};
-    plan_entry e = {.key = {HW_DATA_MESH, object->mesh_idx, 0}, .priority = first};
-    if (n.table) {
-        plan_level(p, &n, n.table->level_count - 1, first); // to fall back on
-        plan_levels(p, c, &n);
-    } else {
+    plan_entry e = {.key = {HW_DATA_MESH, n->object->mesh_idx, 0}, .priority = first};
+    if (n->table)
+        plan_level(p, n, n->table->level_count - 1, first); // to fall back on
+    else
         plan(p, &e);
-    }
-    if (object->texture_idx >= 0) {
-        e.key = (hw_data_key){HW_DATA_TEXTURE, (uint32_t)object->texture_idx, 0};
-        plan(p, &e);
-    }
+    if (n->object->texture_idx < 0)
+        return;
+    e.key = (hw_data_key){HW_DATA_TEXTURE, (uint32_t)n->object->texture_idx, 0};
+    e.gpu_bytes = hw_store_texture_gpu_bytes(p->store, e.key.index);
+    plan(p, &e);
 }
 
-static void plan_near(hw_prefetch *p)
+// Of all candidates first what they cannot do without, then levels, as far as there is place.
+static void plan_near(hw_prefetch *p, bool levels)
 {
     uint32_t index;
     for (uint32_t i = 0; i < p->candidate_count; i++) {
@@ -427,8 +423,17 @@ static void plan_near(hw_prefetch *p)
         if (!hw_manifest_find_cell(p->manifest, c->id, &index))
             continue;
         const hw_cell_records *records = hw_store_records(p->store, index);
-        for (uint32_t k = 0; records && k < records->near_count; k++)
-            plan_object(p, c, records->near[k].object_idx);
+        for (uint32_t k = 0; records && k < records->near_count; k++) {
+            uint32_t object_idx = records->near[k].object_idx;
+            const hw_manifest_object *object = &p->manifest->objects[object_idx];
+            const near_object n = {.object = object,
+                                   .table = hw_store_table(p->store, object->mesh_idx),
+                                   .stretch = (double)p->stretch[object_idx]};
+            if (!levels)
+                plan_object(p, c, &n);
+            else if (n.table)
+                plan_levels(p, c, &n);
+        }
     }
 }
 
@@ -486,7 +491,8 @@ void hw_prefetch_update(hw_prefetch *prefetch, const hw_camera *camera, double n
     find_way(p);
     find_candidates(p);
     plan_cells(p);
-    plan_near(p);
+    plan_near(p, false);
+    plan_near(p, true);
     sort_plan(p->plan, p->plan_count);
     want_plan(p);
 }
@@ -498,6 +504,12 @@ void hw_prefetch_set_error(hw_prefetch *prefetch, double error_px)
 
 void hw_prefetch_urge(hw_prefetch *prefetch, hw_data_key key)
 {
+    const hw_mesh_table *table = hw_store_table(prefetch->store, key.index);
+    uint64_t room = hw_store_gpu_room(prefetch->store);
+    while (key.level < table->level_count && table->gpu_bytes[key.level] > room)
+        key.level++;
+    if (key.level == table->level_count)
+        return;
     hw_store_want(prefetch->store, key, (double)prefetch->timestamp + PRIORITY_LACK, HW_PLACE_GPU);
 }
 
@@ -514,11 +526,21 @@ hw_status hw_prefetch_create(hw_store *store, const hw_manifest *manifest, const
     p->stretch = stretch;
     p->crossing_width = crossing_width;
     p->near_error_px = manifest->near_error_px;
+    p->plan_capacity = CANDIDATES_MAX * (uint32_t)manifest->grid.levels + manifest->mesh_count +
+                       manifest->texture_count + PLAN_LEVELS;
+    hw_status status = HW_NEW(&p->plan, p->plan_capacity);
+    if (status != HW_OK) {
+        hw_prefetch_destroy(p);
+        return status;
+    }
     *out = p;
     return HW_OK;
 }
 
 void hw_prefetch_destroy(hw_prefetch *prefetch)
 {
+    if (!prefetch)
+        return;
+    hw_free(prefetch->plan);
     hw_free(prefetch);
 }

@@ -41,7 +41,8 @@ void hw_prefetch_update(hw_prefetch *prefetch, const hw_camera *camera, double n
 // The tolerance that frames choose levels by, px: the dataset's at first, a larger one where a
 // budget of triangles asks for it.
 void hw_prefetch_set_error(hw_prefetch *prefetch, double error_px);
-// Wishes for what a frame lacks, before all else.
+// Wishes for a level that a frame lacks, before all else; for a coarser one if it does not fit on
+// the GPU beside what is in use.
 void hw_prefetch_urge(hw_prefetch *prefetch, hw_data_key key);
 
 // The coarsest level whose surface error at this distance is at most the dataset's tolerance.

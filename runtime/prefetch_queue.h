@@ -10,7 +10,6 @@ typedef enum hw_data_kind {
     HW_DATA_MESH,    // a near mesh's table of levels
     HW_DATA_LEVEL,   // one of its levels
     HW_DATA_TEXTURE, // of near meshes
-    HW_DATA_KINDS
 } hw_data_kind;
 
 typedef struct hw_data_key {

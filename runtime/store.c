@@ -106,6 +106,26 @@ static void send_away(hw_store *s, hw_item *item)
 
 // ---- budgets ---------------------------------------------------------------------------------
 
+static uint64_t bytes_on_gpu(const hw_store *s, const hw_item *item)
+{
+    const hw_loaded *l = item->loaded;
+    switch (item->key.kind) {
+    case HW_DATA_CELL:
+        return hw_cell_data_gpu_bytes(&l->cell, s->blocks);
+    case HW_DATA_LEVEL:
+        return l->ram_bytes;
+    default:
+        return (uint64_t)l->texture.width * l->texture.height * 4 * 4 / 3;
+    }
+}
+
+// Where the item is wished for; what the present plan does not name is wished for no more.
+static hw_store_place place_of(const hw_store *s, const hw_item *item)
+{
+    bool stale = item->stamp < (double)s->timestamp;
+    return stale && item->place == HW_PLACE_NOW ? HW_PLACE_GPU : item->place;
+}
+
 // What was drawn in this frame or the last is not to be missed in the next.
 static bool in_use(const hw_store *s, const hw_item *item)
 {
@@ -144,16 +164,32 @@ static bool is_indispensable(const hw_store *s, const hw_item *item)
     return is_near_in_use(s, item->key.index, -1);
 }
 
+// What may go for something as urgent as `stamp`.
+static bool may_go(const hw_store *s, const hw_item *item, double stamp)
+{
+    return !in_use(s, item) && item->stamp < stamp && !is_indispensable(s, item);
+}
+
+// Whether `bytes` more fit on the GPU if all that may goes away.
+static bool can_make_room(const hw_store *s, uint64_t bytes, double stamp)
+{
+    uint64_t least = s->gpu_bytes + bytes;
+    for (uint32_t i = 0; i < s->active_count && least > s->gpu_budget; i++)
+        if (s->active[i]->gpu_bytes > 0 && may_go(s, s->active[i], stamp))
+            least -= s->active[i]->gpu_bytes;
+    return least <= s->gpu_budget;
+}
+
 // Sends away what has been wanted longest ago, but nothing that is as urgent as `stamp`, until
-// `bytes` more fit on the GPU. False: they do not.
+// `bytes` more fit on the GPU. False: they do not, with all gone that may.
 static bool make_gpu_room(hw_store *s, uint64_t bytes, double stamp)
 {
     while (s->gpu_bytes + bytes > s->gpu_budget) {
         hw_item *oldest = NULL;
         for (uint32_t i = 0; i < s->active_count; i++) {
             hw_item *item = s->active[i];
-            if (item->gpu_bytes > 0 && !in_use(s, item) && item->stamp < stamp &&
-                (!oldest || item->stamp < oldest->stamp) && !is_indispensable(s, item))
+            if (item->gpu_bytes > 0 && (!oldest || item->stamp < oldest->stamp) &&
+                may_go(s, item, stamp))
                 oldest = item;
         }
         if (!oldest)
@@ -161,6 +197,21 @@ static bool make_gpu_room(hw_store *s, uint64_t bytes, double stamp)
         send_away(s, oldest);
     }
     return true;
+}
+
+// Whether one more piece may come; what was wanted longest ago goes for it.
+static bool make_place(hw_store *s)
+{
+    hw_item *oldest = NULL;
+    if (s->active_count < ACTIVE_MAX)
+        return true;
+    for (uint32_t i = 0; i < s->active_count; i++)
+        if ((!oldest || s->active[i]->stamp < oldest->stamp) &&
+            may_go(s, s->active[i], (double)INFINITY))
+            oldest = s->active[i];
+    if (oldest)
+        send_away(s, oldest);
+    return oldest;
 }
 
 // The item in memory that was wanted longest ago, and before `stamp`. *bytes: of all of them.
@@ -187,6 +238,10 @@ static void make_ram_room(hw_store *s)
     double priority;
     uint64_t bytes;
     hw_item *oldest;
+    for (uint32_t i = s->active_count; i-- > 0;) // what can never go to the GPU
+        if (s->active[i]->state == HW_ITEM_IN_RAM && place_of(s, s->active[i]) == HW_PLACE_GPU &&
+            bytes_on_gpu(s, s->active[i]) > s->gpu_budget)
+            send_away(s, s->active[i]);
     while ((oldest = find_oldest_in_ram(s, (double)s->timestamp, &bytes)) &&
            bytes > s->ram_budget / 2)
         send_away(s, oldest);
@@ -196,19 +251,6 @@ static void make_ram_room(hw_store *s)
 }
 
 // ---- uploads ---------------------------------------------------------------------------------
-
-static uint64_t bytes_on_gpu(const hw_store *s, const hw_item *item)
-{
-    const hw_loaded *l = item->loaded;
-    switch (item->key.kind) {
-    case HW_DATA_CELL:
-        return hw_cell_data_gpu_bytes(&l->cell, s->blocks);
-    case HW_DATA_LEVEL:
-        return l->ram_bytes;
-    default:
-        return (uint64_t)l->texture.width * l->texture.height * 4 * 4 / 3;
-    }
-}
 
 static hw_cell_gpu *find_free(hw_store *s)
 {
@@ -282,6 +324,7 @@ static hw_status begin_upload(hw_store *s, hw_item *item, hw_upload *upload)
 static void end_upload(hw_store *s, hw_item *item)
 {
     item->state = HW_ITEM_READY;
+    item->wait_s = 0;
     // A cell's records are needed as long as it is drawn.
     bool all = item->key.kind != HW_DATA_CELL;
     hw_loader_dispose(s->loader, item->loaded, all);
@@ -290,14 +333,15 @@ static void end_upload(hw_store *s, hw_item *item)
     s->news++;
 }
 
-// The most urgent item of a sort that waits in memory for the GPU.
-static hw_item *next_upload(hw_store *s, int sort)
+// The most urgent item of a sort that waits in memory for the GPU, of those that are to be there or
+// those that are to be there now.
+static hw_item *next_upload(hw_store *s, int sort, hw_store_place place)
 {
     hw_item *best = NULL;
     for (uint32_t i = 0; i < s->active_count; i++) {
         hw_item *item = s->active[i];
         bool fits = (item->key.kind == HW_DATA_CELL) == (sort != UPLOAD_SMALL);
-        if (item->state == HW_ITEM_IN_RAM && item->place != HW_PLACE_RAM && fits &&
+        if (item->state == HW_ITEM_IN_RAM && place_of(s, item) >= place && fits &&
             (!best || item->stamp > best->stamp))
             best = item;
     }
@@ -315,16 +359,21 @@ static void fail_item(hw_store *s, hw_item *item, const char *problem)
 // False: nothing of the sort waits or may go to the GPU.
 static bool start_upload(hw_store *s, int sort)
 {
-    hw_item *item = next_upload(s, sort);
+    hw_item *item = next_upload(s, sort, HW_PLACE_GPU);
     const hw_item *running = s->uploads[UPLOAD_CELL].item;
     if (sort == UPLOAD_URGENT && (!item || !running || running->stamp >= item->stamp))
         return false;
-    if (!item)
+    bool room = item && can_make_room(s, bytes_on_gpu(s, item), item->stamp);
+    if (item && !room && place_of(s, item) != HW_PLACE_NOW) { // it does not hold up what must come
+        item = next_upload(s, sort, HW_PLACE_NOW);
+        room = item && can_make_room(s, bytes_on_gpu(s, item), item->stamp);
+    }
+    if (!item || (!room && s->patience++ < PATIENCE))
         return false;
     if (make_gpu_room(s, bytes_on_gpu(s, item), item->stamp))
         s->patience = 0;
-    else if (item->place != HW_PLACE_NOW || s->patience++ < PATIENCE)
-        return false;
+    else if (place_of(s, item) != HW_PLACE_NOW)
+        return false; // what goes made something else indispensable
     if (begin_upload(s, item, &s->uploads[sort].upload) == HW_OK)
         s->uploads[sort].item = item;
     else
@@ -359,6 +408,7 @@ static void adopt_table(hw_store *s, hw_loaded *loaded)
     mesh->table = loaded->table;
     loaded->table = (hw_mesh_table){0};
     mesh->item.state = HW_ITEM_READY;
+    mesh->item.wait_s = 0;
     hw_loader_dispose(s->loader, loaded, true);
     s->news++;
 }
@@ -381,18 +431,18 @@ static void take_loaded(hw_store *s, hw_loaded *loaded)
     hw_item *item = find_item(s, loaded->key);
     if (item && loaded->status != HW_OK)
         fail_item(s, item, loaded->error);
-    if (!item || loaded->status != HW_OK || item->state != HW_ITEM_AWAY ||
-        s->active_count == ACTIVE_MAX) {
+    if (!item || loaded->status != HW_OK || item->state != HW_ITEM_AWAY || !make_place(s)) {
         hw_loader_dispose(s->loader, loaded, true);
         return;
     }
-    item->wait_s = 0;
     item->key = loaded->key;
     if (loaded->key.kind == HW_DATA_MESH) {
         adopt_table(s, loaded);
         return;
     }
     activate(s, item, loaded);
+    if (loaded->key.kind == HW_DATA_TEXTURE)
+        item->known_gpu = bytes_on_gpu(s, item);
     if (loaded->key.kind == HW_DATA_CELL) {
         count_cell(s, item);
         s->news++;
@@ -453,7 +503,7 @@ static hw_status finish_now(hw_store *s, hw_item *item, hw_loaded *loaded)
         adopt_table(s, loaded);
         return HW_OK;
     }
-    if (s->active_count == ACTIVE_MAX) {
+    if (!make_place(s)) {
         hw_loader_dispose(s->loader, loaded, true);
         return hw_fail(HW_LIMIT, "more than %u pieces of a dataset in use", ACTIVE_MAX);
     }
@@ -528,10 +578,14 @@ uint64_t hw_store_cell_ram_bytes(const hw_store *store, uint32_t index)
     return known ? known : estimate(store, index, store->seen_ram_bytes, RAM_RATIO);
 }
 
+uint64_t hw_store_texture_gpu_bytes(const hw_store *store, uint32_t texture)
+{
+    return store->textures[texture].known_gpu;
+}
+
 void hw_store_use_cell(hw_store *store, hw_cell_gpu *cell)
 {
     uint32_t index;
-    cell->used = store->frame;
     if (hw_manifest_find_cell(store->manifest, cell->id, &index))
         store->cells[index].used = store->frame;
 }
@@ -570,7 +624,7 @@ const hw_near_level *hw_store_level(hw_store *store, uint32_t mesh, uint32_t lev
     hw_item *item = table ? best_level(table, level) : NULL;
     if (!item)
         return NULL;
-    item->used = item->level.used = store->frame;
+    item->used = store->frame;
     return &item->level;
 }
 
@@ -617,6 +671,15 @@ hw_store_stats hw_store_get_stats(const hw_store *store)
 uint64_t hw_store_gpu_budget(const hw_store *store)
 {
     return store->gpu_budget;
+}
+
+uint64_t hw_store_gpu_room(const hw_store *store)
+{
+    uint64_t used = 0;
+    for (uint32_t i = 0; i < store->active_count; i++)
+        if (!may_go(store, store->active[i], (double)INFINITY))
+            used += store->active[i]->gpu_bytes;
+    return used < store->gpu_budget ? store->gpu_budget - used : 0;
 }
 
 uint64_t hw_store_ram_budget(const hw_store *store)

@@ -3,7 +3,8 @@
 //
 // The memory budget is for what waits there, decoded, for the GPU (loader.h); a piece larger than
 // all of it comes alone. The GPU's budget is exceeded by what a frame cannot be drawn without
-// (HW_PLACE_NOW), if all else there is being drawn for some frames, and by that alone.
+// (HW_PLACE_NOW: the viewer's cell, the coarsest levels and the textures of what is near in it), if
+// all else there is being drawn for some frames, and by that alone.
 //
 // Either pieces are loaded when they are needed (hw_store_need, which waits); or they are wished
 // for (hw_store_want), come from the loader some frames later, and reach the GPU under a budget of
@@ -62,6 +63,7 @@ hw_cell_gpu *hw_store_ready_cell(hw_store *store, uint32_t number);
 // Bytes on the GPU: of a cell as far as it is known, else about.
 uint64_t hw_store_cell_gpu_bytes(const hw_store *store, uint32_t index);
 uint64_t hw_store_cell_ram_bytes(const hw_store *store, uint32_t index);
+uint64_t hw_store_texture_gpu_bytes(const hw_store *store, uint32_t texture); // 0: not known yet
 // Whether all near objects of the cell can be drawn, if not at the level one would like.
 bool hw_store_has_near(const hw_store *store, const hw_cell_records *records);
 // Marks the cell as used in this frame.
@@ -90,4 +92,6 @@ typedef struct hw_store_stats {
 } hw_store_stats;
 hw_store_stats hw_store_get_stats(const hw_store *store);
 uint64_t hw_store_gpu_budget(const hw_store *store);
+// What of it is left beside all that is in use.
+uint64_t hw_store_gpu_room(const hw_store *store);
 uint64_t hw_store_ram_budget(const hw_store *store);

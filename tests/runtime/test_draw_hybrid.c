@@ -654,6 +654,32 @@ static void test_near_budget(void **state)
     }
 }
 
+// Who stands in the box of an object sees it as it is, and what is over the budget by it is not
+// taken from the others: they have half of it at least.
+static void test_near_budget_inside(void **state)
+{
+    fixture *f = *state;
+    const hw_manifest_object *sphere = &f->manifest.objects[SPHERE];
+    const uint32_t others = 14; // triangles of cube and board
+    uint64_t drawn[2];
+    for (int i = 0; i < 2; i++) {
+        const hw_renderer_desc desc = {.config = HW_CONFIG_C,
+                                       .dataset = f->folder,
+                                       .near_triangles = i ? 2 * others : 1000000};
+        hw_renderer *renderer;
+        hw_frame_stats stats;
+        hw_camera camera = view(f, 0, 0, 0);
+        camera.eye = hw_box_centre(sphere->bounds);
+        assert_ok(hw_renderer_create(&desc, &renderer));
+        hw_image image = render(f, renderer, &camera, &stats);
+        hw_image_free(&image);
+        hw_renderer_destroy(renderer);
+        drawn[i] = stats.near_triangles;
+        assert_true(drawn[i] >= sphere_triangles(0) && sphere_triangles(0) > 2 * others);
+    }
+    assert_int_equal(drawn[0], drawn[1]);
+}
+
 // The cube behind the sphere is left out, in front of it not; no pixel changes in either view.
 static void test_hidden(void **state)
 {
@@ -766,6 +792,7 @@ int main(void)
         cmocka_unit_test(test_crowd),
         cmocka_unit_test(test_near_levels),
         cmocka_unit_test(test_near_budget),
+        cmocka_unit_test(test_near_budget_inside),
         cmocka_unit_test(test_hidden),
         cmocka_unit_test(test_tints),
         cmocka_unit_test(test_frozen),

@@ -5,6 +5,7 @@
 #include "prefetch.h"
 #include "stream_dataset.h"
 
+#include <sys/stat.h>
 #include <unistd.h>
 
 #define SIZE  96u
@@ -477,6 +478,68 @@ static void test_no_first_frame(void **state)
     }
 }
 
+// Neither is one whose near mesh has a sound table but no level that can be read.
+static void test_no_first_level(void **state)
+{
+    fixture *f = *state;
+    char path[96];
+    hw_mesh_file *file;
+    hw_camera camera = walk_camera(0);
+    const hw_streaming streaming = {.loading = HW_LOADING_SIMULATED};
+    hw_renderer *renderer = open_renderer(f->dataset.folder, &streaming);
+    snprintf(path, sizeof path, "%s/meshes/0.hxm", f->dataset.folder);
+    assert_ok(hw_mesh_file_open(&file, path));
+    FILE *out = fopen(path, "r+b");
+    for (uint32_t i = 0; i < STREAM_BALL_LODS; i++) {
+        uint64_t offset, size;
+        hw_mesh_file_level_place(file, i, &offset, &size);
+        assert_int_equal(fseek(out, (long)(offset + size / 2), SEEK_SET), 0);
+        assert_int_equal(fwrite("damaged", 1, 7, out), 7);
+    }
+    fclose(out);
+    hw_mesh_file_close(file);
+    assert_int_not_equal(hw_renderer_draw(renderer, &camera, NULL), HW_OK);
+    assert_non_null(strstr(hw_error_text(), "0.hxm"));
+    stream_write_ball(&f->dataset);
+    hw_renderer_destroy(renderer);
+}
+
+static uint64_t file_bytes(const char *path)
+{
+    struct stat info;
+    assert_int_equal(stat(path, &info), 0);
+    return (uint64_t)info.st_size;
+}
+
+// With memory for all, nothing is read twice, however often it is wished for until it is there.
+static void test_nothing_twice(void **state)
+{
+    fixture *f = *state;
+    const hw_manifest *m = &f->dataset.manifest;
+    const hw_streaming streaming = {.loading = HW_LOADING_SIMULATED,
+                                    .gpu_budget = 1000000000,
+                                    .ram_budget = 1000000000,
+                                    .bytes_per_second = 3000000};
+    hw_renderer *renderer = open_renderer(f->dataset.folder, &streaming);
+    char mesh[96];
+    snprintf(mesh, sizeof mesh, "%s/meshes/0.hxm", f->dataset.folder);
+    uint64_t all = 3 * file_bytes(mesh); // its front may be read with each of two reads beside it
+    for (uint32_t i = 0; i < m->cell_count; i++) {
+        char *path = NULL;
+        assert_ok(hw_cell_path(&path, f->dataset.folder, m->cells[i].id));
+        all += file_bytes(path);
+        hw_free(path);
+    }
+    walked sum = walk(f, renderer, 10);
+    for (int i = 0; i < 100; i++) { // there and back
+        walked again = walk(f, renderer, 0.1);
+        sum.read_bytes = again.read_bytes > sum.read_bytes ? again.read_bytes : sum.read_bytes;
+    }
+    assert_true(sum.read_bytes > all / 3);
+    assert_true(sum.read_bytes <= all);
+    hw_renderer_destroy(renderer);
+}
+
 // A real thread, a real web server, and all that can go wrong on the way.
 static void test_web(void **state)
 {
@@ -541,6 +604,7 @@ int main(void)
         cmocka_unit_test(test_budgets),         cmocka_unit_test(test_crossings),
         cmocka_unit_test(test_default_budget),  cmocka_unit_test(test_crossings),
         cmocka_unit_test(test_least_memory),    cmocka_unit_test(test_draw_allocates_nothing),
+        cmocka_unit_test(test_no_first_level),  cmocka_unit_test(test_nothing_twice),
         cmocka_unit_test(test_simulated_waits), cmocka_unit_test(test_vanished),
         cmocka_unit_test(test_vanished_thread), cmocka_unit_test(test_truncated),
         cmocka_unit_test(test_no_first_frame),  cmocka_unit_test(test_web),
