@@ -370,20 +370,24 @@ hw_status hw_dir_make(const char *path)
     return status;
 }
 
-static bool has_suffix(const char *text, const char *suffix)
+// Whether a name ends as those of temporary files do: ".<number>.tmp".
+static bool is_temporary(const char *name)
 {
-    size_t a = strlen(text), b = strlen(suffix);
-    return a >= b && !strcmp(text + a - b, suffix);
+    size_t length = strlen(name), end = length > 4 ? length - 4 : 0, i = end;
+    while (i > 0 && name[i - 1] >= '0' && name[i - 1] <= '9')
+        i--;
+    return end > 0 && !strcmp(name + end, ".tmp") && i < end && i > 0 && name[i - 1] == '.';
 }
 
-// Removes a temporary file unless its writer still holds the lock.
+// Removes a temporary file unless its writer still holds the lock, or may (network file systems
+// have no locks, or only for those that may write).
 static hw_status clean_one(const char *path)
 {
     struct stat info;
     if (lstat(path, &info) != 0 || !S_ISREG(info.st_mode))
         return HW_OK;
-    int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOFOLLOW);
-    bool alive = fd >= 0 && flock(fd, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+    int fd = open(path, O_RDWR | O_CLOEXEC | O_NONBLOCK | O_NOFOLLOW);
+    bool alive = fd >= 0 && flock(fd, LOCK_EX | LOCK_NB) != 0;
     hw_status status = HW_OK;
     if (!alive && unlink(path) != 0 && errno != ENOENT)
         status = fail_output(path, "remove");
@@ -400,7 +404,7 @@ hw_status hw_dir_clean_temporary(const char *path)
         return errno == ENOENT ? HW_OK : fail_output(path, "list the folder");
     while (status == HW_OK && (entry = readdir(folder))) {
         char *name = NULL;
-        if (!has_suffix(entry->d_name, ".tmp"))
+        if (!is_temporary(entry->d_name))
             continue;
         status = hw_path_join(&name, path, entry->d_name);
         if (status == HW_OK)

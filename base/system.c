@@ -56,6 +56,15 @@ uint64_t hw_rss_peak_bytes(void)
     return status_line_bytes("VmHWM:");
 }
 
+void hw_rss_reset_peak(void)
+{
+    FILE *file = fopen("/proc/self/clear_refs", "we");
+    if (!file)
+        return;
+    (void)fputs("5", file);
+    fclose(file);
+}
+
 void hw_memory_map_blocks(void)
 {
 #ifdef __GLIBC__

@@ -11,6 +11,8 @@ double hw_process_seconds(void);
 // Resident set size of this process in bytes, now and at its peak; 0 where /proc is missing.
 uint64_t hw_rss_bytes(void);
 uint64_t hw_rss_peak_bytes(void);
+// Begins a new peak, where the system can (Linux).
+void hw_rss_reset_peak(void);
 // Gives memory that was freed back to the system, where the C library can (glibc), and makes it do
 // so from now on for blocks of 128 KiB and more, with few pools for small ones: else what one
 // thread frees stays for its next. Takes a while; for programs that have just read their inputs and

@@ -225,9 +225,9 @@ hw_status hw_budget_reserve(hw_budget *b, uint64_t bytes)
         return HW_OK;
     for (;;) {
         pthread_mutex_lock(&b->mutex);
-        bool room = make_room(b, bytes);
-        // Others that work will give something back; if none does, waiting is of no use.
+        // Others that work will give something back; if none did before, waiting is of no use.
         bool others = b->reserved > 0 || any_pinned(b);
+        bool room = make_room(b, bytes);
         uint64_t needed = hw_rss_bytes() + bytes;
         if (room)
             b->reserved += bytes;

@@ -12,11 +12,13 @@
 #include "rays.h"
 #include "shard.h"
 #include "system.h"
+#include <errno.h>
 #include <math.h>
 #include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 // The grid is at least this many cell sizes wide and deep, so that one can walk round a lone
 // statue.
@@ -37,6 +39,7 @@ typedef struct cell_turn {
 typedef struct build {
     const hw_build_options *options;
     hw_build_report *report;
+    uint32_t threads;
     hw_scene scene;
     hw_chain *chains;
     hw_rays *rays;
@@ -197,6 +200,12 @@ static hw_status load_scene(build *b)
         return hw_fail(HW_FORMAT, "%s: no triangle has an area", b->options->scene_path);
     b->scene_hash = hw_scene_hash(&b->scene);
     b->grid = make_grid(b);
+    if (b->grid.columns == HW_GRID_SIDE_MAX || b->grid.rows == HW_GRID_SIDE_MAX)
+        return hw_fail(HW_LIMIT,
+                       "%s: too large for cells of %g units: %d x %d of them; give a "
+                       "larger --cell-size",
+                       b->options->scene_path, b->options->cell_size, b->grid.columns,
+                       b->grid.rows);
     b->key = make_key(b);
     HW_TRY(hw_hierarchy_cells(&b->grid, &b->cells, &b->cell_count));
     HW_TRY(want_cells(b));
@@ -217,11 +226,6 @@ static hw_status set_budget(build *b)
 static bool owns(const build *b, uint32_t item)
 {
     return hw_shard_owns(b->options->shard_index, b->options->shard_count, item);
-}
-
-static uint32_t thread_count(const build *b)
-{
-    return b->options->threads ? b->options->threads : hw_thread_count_default();
 }
 
 // ---- chains and meshes -----------------------------------------------------------------------
@@ -260,7 +264,7 @@ static hw_status make_chain(void *context, uint64_t index, uint32_t thread)
     uint32_t m = b->mesh_order[index], triangles = b->scene.meshes[m].index_count / 3;
     hw_chain_options options = b->options->chain;
     options.shade_step = b->scene.meshes[m].uvs ? 0 : HW_NEAR_LEVEL_STRIDE;
-    options.threads = thread_count(b);
+    options.threads = b->threads;
     uint64_t bytes = (uint64_t)triangles * CHAIN_BYTES;
     HW_TRY(hw_budget_reserve(b->budget, bytes));
     hw_status status = hw_chain_make(&b->scene.meshes[m], &options, &b->chains[m]);
@@ -352,7 +356,7 @@ static hw_status write_mesh(void *context, uint64_t mesh, uint32_t thread)
     uint64_t bytes = (uint64_t)chain->infos[0].index_count / 3 * MESH_BYTES + INSIDE_BYTES;
     HW_GO(hw_budget_reserve(b->budget, bytes));
     if (!mesh_file_is_current(path, b->key, near.count)) {
-        status = hw_parallel_for(near.count, thread_count(b), look_inside, &near, NULL);
+        status = hw_parallel_for(near.count, b->threads, look_inside, &near, NULL);
         if (status == HW_OK)
             status =
                 hw_mesh_file_write(path, b->key, near.levels, near.infos, near.boxes, near.count);
@@ -515,8 +519,8 @@ out:
 
 static hw_status make_groups(build *b)
 {
-    HW_TRY(HW_NEW(&b->groups, thread_count(b)));
-    for (uint32_t i = 0; i < thread_count(b); i++)
+    HW_TRY(HW_NEW(&b->groups, b->threads));
+    for (uint32_t i = 0; i < b->threads; i++)
         HW_TRY(hw_groups_create(&b->grid, &b->scene, b->chains, &b->options->far, &b->groups[i]));
     return HW_OK;
 }
@@ -554,11 +558,11 @@ static hw_status make_cells(build *b)
     for (uint32_t i = 0; i < count; i++)
         mine += owns(b, i) && is_wanted(b, i);
     b->report->cells_total = count;
-    HW_GO(HW_NEW(&b->backwards, thread_count(b)));
+    HW_GO(HW_NEW(&b->backwards, b->threads));
     HW_GO(make_groups(b));
     HW_GO(order_cells(b));
     HW_GO(hw_progress_create(&b->progress, "cells", mine));
-    HW_GO(hw_parallel_for(count, b->options->threads, make_cell, b, b->options->stop));
+    HW_GO(hw_parallel_for(count, b->threads, make_cell, b, b->options->stop));
 out:
     hw_progress_destroy(b->progress);
     b->progress = NULL;
@@ -718,8 +722,8 @@ static hw_status write_manifest(build *b, double start_ms)
     m.texture_count = (uint32_t)b->texture_count;
     HW_GO(fill_objects(b, &m));
     if (whole) {
-        HW_GO(hw_shards_remove(o->dataset));
         HW_GO(hw_manifest_write(o->dataset, &m));
+        HW_GO(hw_shards_remove(o->dataset));
     } else {
         HW_GO(hw_shard_write(o->dataset, &m));
     }
@@ -754,6 +758,26 @@ static hw_status make_folders(const build *b)
     return HW_OK;
 }
 
+// What a finished dataset of another scene or of other options held is replaced file by file: from
+// now on it is none.
+static hw_status leave_other(const build *b)
+{
+    hw_manifest manifest;
+    char *path = NULL;
+    hw_status status = hw_manifest_read(b->options->dataset, &manifest);
+    bool other = status == HW_VERSION || (status == HW_OK && manifest.key != b->key);
+    if (status == HW_OK)
+        hw_manifest_free(&manifest);
+    if (!other)
+        return HW_OK;
+    HW_TRY(hw_path_join(&path, b->options->dataset, "manifest.json"));
+    status = unlink(path) == 0 || errno == ENOENT
+                 ? HW_OK
+                 : hw_fail(HW_IO, "%s: cannot be removed: %s", path, strerror(errno));
+    hw_free(path);
+    return status;
+}
+
 static void release(build *b)
 {
     hw_capturer_destroy(b->capturer);
@@ -767,7 +791,7 @@ static void release(build *b)
     hw_free(b->mesh_order);
     hw_free(b->order);
     hw_free(b->backwards);
-    for (uint32_t i = 0; b->groups && i < thread_count(b); i++)
+    for (uint32_t i = 0; b->groups && i < b->threads; i++)
         hw_groups_destroy(b->groups[i]);
     hw_free(b->groups);
     hw_free(b->turns);
@@ -784,8 +808,10 @@ hw_status hw_build_run(const hw_build_options *options, hw_build_report *report)
     double start = hw_clock_ms();
     build b = {.options = options, .report = report};
     memset(report, 0, sizeof *report);
+    b.threads = options->threads ? options->threads : hw_thread_count_default();
     pthread_mutex_init(&b.mutex, NULL);
     HW_GO(load_scene(&b));
+    HW_GO(leave_other(&b));
     HW_GO(make_folders(&b));
     HW_GO(set_budget(&b));
     HW_GO(make_chains(&b));

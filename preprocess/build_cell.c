@@ -145,8 +145,14 @@ static hw_status pack_atlas(assembly *a, hw_cell *out)
     list_captures(a, captures);
     for (uint32_t i = 0; i < count; i++)
         places[i] = (hw_rect){0, 0, captures[i].capture->width, captures[i].capture->height};
-    HW_GO(
-        hw_atlas_pack(places, count, 4, HW_CELL_ATLAS_MAX, &out->atlas_width, &out->atlas_height));
+    status =
+        hw_atlas_pack(places, count, 4, HW_CELL_ATLAS_MAX, &out->atlas_width, &out->atlas_height);
+    if (status == HW_LIMIT)
+        status = hw_fail(HW_LIMIT,
+                         "cell %d/%d_%d: its captures do not fit into an atlas of %u x %u texels: "
+                         "smaller cells or a smaller --texture-side leave more objects near",
+                         out->id.level, out->id.q, out->id.r, HW_CELL_ATLAS_MAX, HW_CELL_ATLAS_MAX);
+    HW_GO(status);
     HW_GO(hw_image_make(&atlas, out->atlas_width, out->atlas_height, 4));
     for (uint32_t i = 0; i < count; i++) {
         copy_capture(&atlas, &places[i], captures[i].capture, captures[i].cut_out);

@@ -183,6 +183,7 @@ out:
 // --- outlines ----------------------------------------------------------------------------------
 
 typedef struct outline_view {
+    hw_vec3 centre;           // of the original's box; coordinates count from there
     float right_x, right_y;   // horizontal unit vector across the picture; its y axis is world z
     float offset_x, offset_y; // pixel = (coordinate - offset) * scale
     float scale;              // pixels per unit
@@ -201,7 +202,7 @@ static void fill_mesh(const outline_view *view, uint32_t resolution, const hw_me
                       hw_point2 *projected, uint64_t *bits)
 {
     for (uint32_t i = 0; i < mesh->vertex_count; i++) {
-        hw_vec3 p = mesh->positions[i];
+        hw_vec3 p = hw_v3_sub(mesh->positions[i], view->centre);
         projected[i].x = (p.x * view->right_x + p.y * view->right_y - view->offset_x) * view->scale;
         projected[i].y = (p.z - view->offset_y) * view->scale;
     }
@@ -215,7 +216,7 @@ static bool fit_view(outline_view *view, uint32_t index, uint32_t resolution, co
 {
     float x_min = INFINITY, x_max = -INFINITY, z_min = INFINITY, z_max = -INFINITY;
     for (uint32_t i = 0; i < mesh->vertex_count; i++) {
-        hw_vec3 p = mesh->positions[i];
+        hw_vec3 p = hw_v3_sub(mesh->positions[i], view->centre);
         float x = p.x * view->right_x + p.y * view->right_y;
         x_min = fminf(x_min, x);
         x_max = fmaxf(x_max, x);
@@ -256,6 +257,7 @@ hw_status hw_outline_create(hw_outline **out, const hw_mesh *original, uint32_t 
         outline_view *view = &outline->views[i];
         // The golden section as the offset keeps every view off the axes for any number of views.
         double azimuth = HW_PI * (i + 0.381966) / outline->view_count;
+        view->centre = hw_box_centre(hw_mesh_bounds(original));
         view->right_x = (float)-sin(azimuth);
         view->right_y = (float)cos(azimuth);
         view->bits = outline->bits + i * raster;

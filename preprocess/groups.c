@@ -70,13 +70,15 @@ static bool is_flat_from_cells_only(const hw_groups *groups, const hw_cell_view 
 
 // Whether a group stands for an object, for all the cells that it groups. Told from the group and
 // the object alone, so that every cell comes to the same answer without deriving anything; an
-// object that passes can be derived from the group: it lies two cell sides away at least, its
-// self-occluding error stays below the limit however it is shaped, and its capture is not too
-// large.
+// object that passes can be derived from the group: it lies two cell sides away at least (on the
+// map: captures look along it), its self-occluding error stays below the limit however it is
+// shaped, and its capture is not too large.
 static bool serves(const hw_groups *groups, const hw_cell_view *view, uint32_t object_idx)
 {
-    hw_box box = groups->scene->objects[object_idx].bounds;
-    double nearest = hw_region_nearest(view->grid, view->id, box);
+    hw_box box = groups->scene->objects[object_idx].bounds, level = box;
+    level.max.z = fmaxf(box.max.z, (float)view->grid->z_min); // as if at the eyes' heights
+    level.min.z = fminf(box.min.z, (float)view->grid->z_max);
+    double nearest = hw_region_nearest(view->grid, view->id, level);
     if (nearest < GROUP_DISTANCE * view->size)
         return false;
     double angle = (double)hw_box_diagonal(box) / nearest;

@@ -14,9 +14,7 @@
 // What a capture is cast against may be off by this much, as the nearest viewer in the cell sees
 // it.
 #define CAPTURE_ERROR_PX 0.045
-// Of a viewer's pixels: filtering then blurs less, and outlines of reliefs are told finer (0.13 dB
-// for a sixth more bytes of textures).
-#define OCCLUSION_PX 8.0 // between points of a face that are looked for
+#define OCCLUSION_PX     8.0 // between points of a face that are looked for
 
 static const hw_svmesh_policy *const policies[] = {&hw_policy_screen, &hw_policy_thesis, NULL};
 
@@ -196,7 +194,10 @@ bool hw_capture_window_fit(const hw_svmesh_job *job, hw_vec3 eye, int face,
         .width = inner_x + 2 * HW_CAPTURE_PADDING,
         .height = inner_y + 2 * HW_CAPTURE_PADDING,
     };
-    return true;
+    float range[4]; // a float may be too coarse for it
+    hw_rect unused;
+    hw_capture_window_inner(out, range, &unused);
+    return range[0] < range[1] && range[2] < range[3];
 }
 
 bool hw_svmesh_window(const hw_svmesh_job *job, const hw_view_mesh *mesh, hw_capture_window *out)

@@ -153,7 +153,9 @@ void hw_plane_bounds_add(hw_plane_bounds *bounds, const double plane[3]);
 // All of `points`, and the bounds of them; false if one cannot be projected.
 bool hw_plane_project_all(hw_vec3 eye, int face, const hw_vec3 *points, uint32_t count,
                           double (*planes)[3], hw_plane_bounds *bounds);
-// Texels of a capture (of an SVMesh or a relief) per pixel of the nearest viewer in the cell.
+// Texels of a capture (of an SVMesh or a relief) per pixel of the nearest viewer in the cell: more
+// than one, as filtering then blurs less and outlines of reliefs are told finer (0.13 dB for a
+// sixth more bytes of textures).
 #define HW_TEXELS_PER_PX 1.1
 // The capture window of a rectangle seen from `eye`: HW_TEXELS_PER_PX (less of MVMeshes) where the
 // nearest part is, grown by HW_CAPTURE_PADDING texels on each side. False if a side would be too

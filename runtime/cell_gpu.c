@@ -15,6 +15,8 @@ static hw_status check_cell(const hw_cell *cell, const hw_manifest *manifest, hw
         return hw_fail(HW_FORMAT, "%s: holds cell %d/%d_%d", path, cell->id.level, cell->id.q,
                        cell->id.r);
     }
+    if (cell->key != manifest->key)
+        return hw_fail(HW_FORMAT, "%s: is of another build than the dataset's manifest", path);
     if (cell->range_count > 0 && !manifest->multi_view)
         return hw_fail(HW_FORMAT, "%s: has views, which its manifest says there are none of", path);
     for (uint32_t i = 0; i < cell->near_count; i++) {

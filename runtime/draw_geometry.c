@@ -45,6 +45,7 @@ static hw_status geometry_create(const hw_renderer_desc *desc, hw_gpu_account *a
     g->mesh_count = desc->scene->mesh_count;
     for (uint32_t i = 0; i < g->mesh_count; i++)
         HW_GO(upload(g, &desc->scene->meshes[i], &g->meshes[i]));
+    hw_gpu_release_compiler();
     *state = g;
     g = NULL;
 out:

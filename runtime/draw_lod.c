@@ -75,6 +75,7 @@ static hw_status lod_create(const hw_renderer_desc *desc, hw_gpu_account *accoun
         HW_GO(upload_chain(l, &chains[i], &l->meshes[i]));
         hw_lod_chain_free(&chains[i]);
     }
+    hw_gpu_release_compiler();
     *state = l;
     l = NULL;
 out:

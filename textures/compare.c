@@ -18,7 +18,7 @@ void hw_luma(const hw_image *image, float *out)
         return;
     }
     for (size_t i = 0; i < pixels; i++, p += image->channels)
-        out[i] = 0.299f * p[0] + 0.587f * p[1] + 0.114f * p[2];
+        out[i] = (float)(0.299 * p[0] + 0.587 * p[1] + 0.114 * p[2]);
 }
 
 double hw_squared_error(const float *a, const float *b, const uint8_t *mask, size_t pixels,

@@ -1,9 +1,9 @@
 // hexwalk measure: time, triangles, memory and quality of the configurations along a tour.
 #include "alloc.h"
 #include "bytes.h"
+#include "dataset_scene.h"
 #include "file.h"
 #include "hybrid_options.h"
-#include "import.h"
 #include "json.h"
 #include "log.h"
 #include "measure.h"
@@ -47,7 +47,7 @@ static uint32_t fill_options(hw_option *out, uint32_t capacity)
         {"output", 'o', HW_OPTION_STRING, &options.output, "DIR", NULL, 0, 0,
          "Folder for the report; made if need be."},
         {"every", 0, HW_OPTION_UINT, &options.every, "N", NULL, 0, 1e9,
-         "Measure every N-th frame of the tour; 0 = so that about 48 are measured."},
+         "Measure every N-th frame of the tour; 0 = so that at most 48 are measured."},
         {"samples", 0, HW_OPTION_CHOICE, &options.samples, NULL, "1|4", 0, 0,
          "Samples per pixel of the configurations."},
         {"lod-error", 0, HW_OPTION_DOUBLE, &options.lod_error, "PX", NULL, 0.001, 1000,
@@ -107,8 +107,9 @@ static hw_status check_usage(hw_report *report)
         return hw_fail(HW_USAGE, "measure needs --tour");
     if (!options.output)
         return hw_fail(HW_USAGE, "measure needs -o DIR");
-    if (options.bandwidth && !options.streaming)
-        return hw_fail(HW_USAGE, "--bandwidth is for measure --streaming");
+    if ((options.bandwidth || options.gpu_budget || options.ram_budget) && !options.streaming)
+        return hw_fail(HW_USAGE,
+                       "--bandwidth, --gpu-budget and --ram-budget are for measure --streaming");
     return parse_configs(report);
 }
 
@@ -158,18 +159,6 @@ static hw_status read_command_line(char **out)
 
 // ---- Inputs
 
-static hw_status read_scene(const char *dataset, const hw_manifest *manifest, hw_scene *scene)
-{
-    const char *path = options.scene ? options.scene : manifest->scene_path;
-    HW_TRY(hw_scene_import(path, scene));
-    if (hw_scene_hash(scene) != manifest->scene_hash)
-        return hw_fail(HW_FORMAT,
-                       "%s: not the scene that %s was built from (it has changed since, or is "
-                       "another one); build the dataset again or name the right one with --scene",
-                       path, dataset);
-    return HW_OK;
-}
-
 static hw_status fill_facts(hw_report *r, const char *dataset, const hw_manifest *manifest,
                             const hw_scene *scene, const hw_tour *tour)
 {
@@ -215,8 +204,11 @@ static void fill_arguments(const char *arguments[ARGUMENTS_MAX], child_text *tex
                            const hw_report *r, hw_config config, bool prefetch, const char *json)
 {
     snprintf(text->every, sizeof text->every, "%u", prefetch ? 1 : r->every);
-    snprintf(text->gpu, sizeof text->gpu, "%llu", (unsigned long long)options.gpu_budget);
-    snprintf(text->ram, sizeof text->ram, "%llu", (unsigned long long)options.ram_budget);
+    // Frames are measured with the defaults.
+    snprintf(text->gpu, sizeof text->gpu, "%llu",
+             (unsigned long long)(prefetch ? options.gpu_budget : 0));
+    snprintf(text->ram, sizeof text->ram, "%llu",
+             (unsigned long long)(prefetch ? options.ram_budget : 0));
     snprintf(text->near, sizeof text->near, "%u", r->near_triangles);
     snprintf(text->size, sizeof text->size, "%ux%u", r->width, r->height);
     snprintf(text->lod_error, sizeof text->lod_error, "%.9g", r->lod_error_px);
@@ -343,6 +335,25 @@ out:
 
 // ---- Outputs
 
+// Better told now than after the measurement.
+static hw_status check_output(const char *path)
+{
+    hw_writer *writer;
+    HW_TRY(hw_writer_open(&writer, path));
+    hw_writer_abort(writer);
+    return HW_OK;
+}
+
+static hw_status check_outputs(void)
+{
+    char *inside = NULL;
+    HW_TRY(hw_dir_make(options.output));
+    HW_TRY(hw_path_join(&inside, options.output, "report.json"));
+    hw_status status = check_output(inside);
+    hw_free(inside);
+    return status == HW_OK && options.json ? check_output(options.json) : status;
+}
+
 // report.json comes last: who finds it finds all the rest.
 static hw_status write_report(const hw_report *report)
 {
@@ -382,9 +393,9 @@ static hw_status run(int argc, const char *const *argv)
     HW_GO(check_usage(&report));
     HW_GO(hw_manifest_open(argv[0], &manifest));
     HW_GO(hw_tour_read(options.tour, &tour));
-    HW_GO(read_scene(argv[0], &manifest, &scene));
+    HW_GO(hw_dataset_scene_import(argv[0], &manifest, options.scene, &scene));
     HW_GO(fill_facts(&report, argv[0], &manifest, &scene, &tour));
-    HW_GO(hw_dir_make(options.output));
+    HW_GO(check_outputs());
     HW_GO(measure_memory(&report, &streaming_rss));
     const hw_streaming_desc streaming = {.dataset = argv[0],
                                          .tour = &tour,
@@ -394,6 +405,7 @@ static hw_status run(int argc, const char *const *argv)
                                          .bandwidth = options.bandwidth,
                                          .gpu_budget = options.gpu_budget,
                                          .ram_budget = options.ram_budget,
+                                         .near_triangles = report.near_triangles,
                                          .hide = report.hide};
     const hw_measure_desc desc = {.dataset = argv[0],
                                   .manifest = &manifest,

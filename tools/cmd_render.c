@@ -1,6 +1,7 @@
 // hexwalk render: the frames of a tour as images, or only their figures.
 #include "alloc.h"
 #include "context.h"
+#include "dataset_scene.h"
 #include "file.h"
 #include "hybrid_options.h"
 #include "image_io.h"
@@ -49,7 +50,6 @@ typedef struct figures {
 
 typedef struct render {
     hw_config config;
-    char *scene_path;
     hw_scene scene;
     hw_tour tour;
     uint32_t first, end; // frames of the tour, or of the video
@@ -172,7 +172,7 @@ static hw_camera frame_camera(const render *r, uint32_t index)
                        .height = options.size[1]};
 }
 
-// The scene of A, B and L: --scene, else the path itself if it is no folder, else what the dataset
+// The scene of A, B and L: the path itself if it is no folder (or --scene), else what the dataset
 // was built from. C needs the dataset alone.
 static hw_status read_scene(render *r, const char *path)
 {
@@ -185,16 +185,13 @@ static hw_status read_scene(render *r, const char *path)
             return hw_fail(HW_USAGE, "%s: configuration C needs a dataset (hexwalk build)", path);
         return HW_OK;
     }
-    const char *scene_path = options.scene ? options.scene : path;
-    if (!options.scene && is_dataset) {
-        hw_manifest manifest = {0};
-        HW_TRY(hw_manifest_open(path, &manifest));
-        r->scene_path = manifest.scene_path;
-        manifest.scene_path = NULL;
-        hw_manifest_free(&manifest);
-        scene_path = r->scene_path;
-    }
-    return hw_scene_import(scene_path, &r->scene);
+    if (!is_dataset)
+        return hw_scene_import(options.scene ? options.scene : path, &r->scene);
+    hw_manifest manifest = {0};
+    HW_TRY(hw_manifest_open(path, &manifest));
+    hw_status status = hw_dataset_scene_import(path, &manifest, options.scene, &r->scene);
+    hw_manifest_free(&manifest);
+    return status;
 }
 
 static bool prefetches(void)
@@ -214,7 +211,7 @@ static hw_status make_renderer(render *r, const char *path)
         .crossing_width = HW_CROSSING_WIDTH,
         .hide = strcmp(options.occlusion, "on") == 0,
         .streaming = {.loading = prefetches() ? HW_LOADING_SIMULATED : HW_LOADING_WAITS,
-                      .bytes_per_second = options.bandwidth,
+                      .bytes_per_second = prefetches() ? options.bandwidth : 0,
                       .gpu_budget = options.gpu_budget,
                       .ram_budget = options.ram_budget}};
     HW_TRY(hw_context_create(&context, &r->context));
@@ -407,6 +404,8 @@ static hw_status run(int argc, const char *const *argv)
     HW_GO(read_scene(&r, argv[0]));
     hw_memory_trim();
     HW_GO(make_renderer(&r, argv[0]));
+    hw_memory_trim();
+    hw_rss_reset_peak(); // reading a scene takes more than drawing it
     if (options.output && !options.no_images)
         HW_GO(hw_dir_make(options.output));
     HW_GO(options.video ? make_video(&r) : draw_frames(&r));
@@ -420,7 +419,6 @@ out:
     hw_image_free(&r.rgb);
     hw_scene_free(&r.scene);
     hw_tour_free(&r.tour);
-    hw_free(r.scene_path);
     hw_free(r.figures.frame_ms);
     return status;
 }

@@ -127,9 +127,9 @@ static hw_status keep_recording(walk *w, hw_status status)
     if (!w->walker.recording)
         return status;
     if (status == HW_OK)
-        return walk_write_recording(w);
+        return walk_keep_recording(w);
     hw_error_save(error);
-    if (walk_write_recording(w) != HW_OK)
+    if (walk_keep_recording(w) != HW_OK)
         hw_log_warning("%s", hw_error_text());
     hw_error_restore(error);
     return status;

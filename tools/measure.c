@@ -433,9 +433,13 @@ static hw_status measure_streaming(measurer *m)
         hw_renderer_destroy(m->renderers[c]);
         m->renderers[c] = NULL;
     }
-    HW_TRY(hw_streaming_measure(m->desc->streaming, &m->report->streaming));
-    m->report->streamed = true;
-    return HW_OK;
+    hw_status status = hw_streaming_measure(m->desc->streaming, &m->report->streaming);
+    m->report->streamed = status == HW_OK;
+    if (status == HW_OK || status == HW_MEMORY)
+        return status;
+    // All else is known.
+    hw_streaming_free(&m->report->streaming);
+    return hw_report_note(m->report, "Streaming could not be measured: %s.", hw_error_text());
 }
 
 hw_status hw_measure_run(const hw_measure_desc *desc, hw_report *report)

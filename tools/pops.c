@@ -148,18 +148,19 @@ static hw_status see_soft_jump(observer *o, uint32_t frame, double *out)
     return HW_OK;
 }
 
-// A frame of the same cell as this one, away from the border; this one if there is none.
+// A frame of the same cell as this one, away from the border, that is followed by another of it;
+// `frame` if there is none.
 static uint32_t usual_frame(const hw_pops_desc *d, uint32_t frame)
 {
     uint32_t away = frame > OFF_FRAMES ? frame - OFF_FRAMES : 0;
     hw_cell_id here = cell_at(d->manifest, d->tour->frames[frame].eye);
     while (away < frame) {
         hw_cell_id there = cell_at(d->manifest, d->tour->frames[away].eye);
-        if (there.q == here.q && there.r == here.r)
+        if (there.q == here.q && there.r == here.r && !crosses(d->manifest, d->tour, away))
             return away;
         away++;
     }
-    return frame > 0 ? frame - 1 : frame;
+    return frame;
 }
 
 static hw_status observe(observer *o, uint32_t frame, hw_pop *out)
@@ -173,7 +174,10 @@ static hw_status observe(observer *o, uint32_t frame, hw_pop *out)
     out->hard -= truth;
     out->soft -= truth;
     HW_TRY(see_jump(o, frame, true, &out->hard_jump));
-    HW_TRY(see_jump(o, usual_frame(d, frame), true, &out->usual_jump));
+    uint32_t usual = usual_frame(d, frame);
+    out->usual_jump = (double)NAN;
+    if (usual != frame)
+        HW_TRY(see_jump(o, usual, true, &out->usual_jump));
     HW_TRY(see_soft_jump(o, frame, &out->soft_jump));
     hw_renderer_set_debug_view(d->hybrid, &plain);
     return HW_OK;

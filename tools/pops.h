@@ -16,7 +16,7 @@ typedef struct hw_pop {
     // chosen for where the viewer is in the first frame and in the second. `soft` is the largest of
     // all frames near the crossing, among which dissolves share it out, less what levels of detail
     // change there without a crossing; `usual` that of two frames some way off the border, where
-    // only levels of detail change.
+    // only levels of detail change (NaN: the tour has none).
     double soft_jump, hard_jump, usual_jump;
 } hw_pop;
 

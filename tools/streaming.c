@@ -50,8 +50,10 @@ static int forget_file(const char *path, const struct stat *info, int type, stru
 // Makes the system forget a folder's files, as far as it will. A server's are its own affair.
 static void forget_dataset(const char *dataset)
 {
-    if (!hw_location_is_url(dataset))
-        (void)nftw(dataset, forget_file, 16, FTW_PHYS);
+    char *folder = hw_location_is_url(dataset) ? NULL : realpath(dataset, NULL);
+    if (folder)
+        (void)nftw(folder, forget_file, 16, FTW_PHYS);
+    free(folder);
 }
 
 // ---- playing ---------------------------------------------------------------------------------
@@ -97,9 +99,9 @@ static hw_status play(const hw_streaming_desc *desc, hw_renderer *renderer, hw_t
         HW_GO(hw_renderer_draw(renderer, &camera, &stats));
         hw_target_resolve(target);
         glFinish();
-        note_frame(run, i, &stats, hw_clock_ms() - start,
-                   (hw_process_seconds() - cpu_start) * 1000);
-        hw_renderer_advance(renderer, 1 / HW_STREAMING_FPS);
+        double ms = hw_clock_ms() - start;
+        note_frame(run, i, &stats, ms, (hw_process_seconds() - cpu_start) * 1000);
+        hw_renderer_advance(renderer, fmax(1 / HW_STREAMING_FPS - ms / 1000, 0));
         hw_progress_add(progress, 1);
     }
 out:
@@ -132,6 +134,7 @@ static hw_status run_plan(const hw_streaming_desc *desc, const plan *p, hw_targe
     const hw_renderer_desc make = {
         .config = HW_CONFIG_C,
         .dataset = desc->dataset,
+        .near_triangles = desc->near_triangles,
         .hide = desc->hide,
         .crossing_width = HW_CROSSING_WIDTH,
         .streaming = {.loading = p->loading,

@@ -1,7 +1,7 @@
 // How a walk feels while its data come: a tour played at its own time, 30 frames a second of it,
-// with and without prefetching (figure 5.19 of the thesis). Time is simulated: between two frames
-// the prefetcher has exactly a thirtieth of a second, in which it reads and decodes as fast as this
-// machine does, or as the limit of bandwidth lets it.
+// with and without prefetching (figure 5.19 of the thesis). Time is simulated: the prefetcher has
+// what drawing a frame leaves of a thirtieth of a second, in which it reads and decodes as fast as
+// this machine does, or as the limit of bandwidth lets it.
 #pragma once
 #include "bytes.h"
 #include "manifest.h"
@@ -19,7 +19,8 @@ typedef struct hw_streaming_desc {
     uint32_t width, height, samples;
     uint64_t bandwidth; // of a further run, bytes a second; 0: there is none
     uint64_t gpu_budget, ram_budget;
-    bool hide; // hw_renderer_desc
+    uint32_t near_triangles; // hw_renderer_desc, as `hide`
+    bool hide;
 } hw_streaming_desc;
 
 // One way through the tour. Values are per frame.

@@ -43,6 +43,8 @@ typedef struct walk_loader {
     walk_task task;
     bool loaded;
     char *path;
+    const char *dataset; // NULL: the path is what is walked through
+    const hw_manifest *manifest;
     hw_scene scene;
     double start_ms;
 } walk_loader;
@@ -145,6 +147,9 @@ HW_MUST_USE hw_status walk_screenshot(walk *w, const hw_camera *camera, char *na
                                       size_t capacity);
 HW_MUST_USE hw_status walk_start_recording(walk *w);
 HW_MUST_USE hw_status walk_write_recording(walk *w);
+// The same at the end of a walk: under another name in the current folder if it fails, which is an
+// error all the same.
+HW_MUST_USE hw_status walk_keep_recording(walk *w);
 void walk_copy_camera(walk *w);
 HW_MUST_USE hw_status walk_paste_camera(walk *w);
 

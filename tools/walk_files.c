@@ -1,6 +1,7 @@
 #include "camera_text.h"
 #include "file.h"
 #include "image_io.h"
+#include "log.h"
 #include "target.h"
 #include "walk.h"
 #include <string.h>
@@ -54,11 +55,25 @@ out:
 hw_status walk_write_recording(walk *w)
 {
     hw_tour tour;
+    HW_TRY(hw_tour_write(w->record_path, &w->walker.recorded)); // else it goes on
     hw_walker_take_recorded(&w->walker, &tour);
-    hw_status status = hw_tour_write(w->record_path, &tour);
-    if (status == HW_OK)
-        walk_say(w, WALK_MESSAGE_MS, "Saved %s: %u frames", w->record_path, tour.frame_count);
+    walk_say(w, WALK_MESSAGE_MS, "Saved %s: %u frames", w->record_path, tour.frame_count);
     hw_tour_free(&tour);
+    return HW_OK;
+}
+
+hw_status walk_keep_recording(walk *w)
+{
+    char error[HW_ERROR_CAPACITY];
+    hw_status status = walk_write_recording(w);
+    if (status == HW_OK)
+        return HW_OK;
+    hw_error_save(error);
+    w->record_path = w->record_name;
+    if (free_name("hexwalk_tour", ".json", w->record_name, sizeof w->record_name) == HW_OK &&
+        walk_write_recording(w) == HW_OK)
+        hw_log_warning("the recording is in %s", w->record_path);
+    hw_error_restore(error);
     return status;
 }
 

@@ -12,6 +12,8 @@ static void set_debug(walk *w)
 
 static void freeze(walk *w)
 {
+    if (w->input.width == 0)
+        return; // minimised: there is no view
     w->debug.frozen = !w->debug.frozen;
     if (w->debug.frozen)
         w->debug.camera = hw_walker_camera(&w->walker, w->input.width, w->input.height);

@@ -1,4 +1,5 @@
 #include "alloc.h"
+#include "dataset_scene.h"
 #include "file.h"
 #include "import.h"
 #include "source.h"
@@ -47,6 +48,8 @@ hw_status walk_open(walk *w, const char *path)
                         : w->is_dataset ? w->manifest.scene_path
                                         : path;
     HW_TRY(hw_strdup(&w->loader.path, scene));
+    w->loader.dataset = w->is_dataset ? path : NULL;
+    w->loader.manifest = &w->manifest;
     if (walk_opt.tour)
         HW_TRY(hw_tour_read(walk_opt.tour, &w->tour));
     if (!walk_opt.record)
@@ -140,7 +143,9 @@ static hw_status place_walker(walk *w)
 static hw_status load_scene(void *context)
 {
     walk_loader *loader = context;
-    return hw_scene_import(loader->path, &loader->scene);
+    if (!loader->dataset)
+        return hw_scene_import(loader->path, &loader->scene);
+    return hw_dataset_scene_import(loader->dataset, loader->manifest, loader->path, &loader->scene);
 }
 
 // One step towards the scene; *ready once it is there.

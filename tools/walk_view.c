@@ -131,6 +131,9 @@ static void draw_hud(walk *w, const hw_camera *camera)
 static void watch_stream(walk *w)
 {
     const hw_stream_stats *s = &w->stats.stream;
+    w->loaded_bytes = 0;
+    if (w->config != HW_CONFIG_C)
+        return; // these have none
     w->missing_count += s->missing > 0;
     if (s->problem_count > w->problem_count)
         walk_say(w, 2 * WALK_MESSAGE_MS, "%s; it will be tried again", s->problem);

@@ -225,7 +225,7 @@ static UNUSED void paint_atlas(hw_cell *cell)
 // The cell with all near objects; far ones only in the cell they were made for.
 static UNUSED hw_cell make_cell(const fixture *f, hw_cell_id id, bool with_far)
 {
-    hw_cell cell = {.id = id, .centre = hw_cell_centre(&f->manifest.grid, id), .key = 1};
+    hw_cell cell = {.id = id, .centre = hw_cell_centre(&f->manifest.grid, id), .key = f->manifest.key};
     cell.near_count = NEAR_OBJECTS;
     assert_ok(HW_NEW(&cell.near, NEAR_OBJECTS));
     for (uint32_t i = 0; i < NEAR_OBJECTS; i++)
