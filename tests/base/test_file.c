@@ -309,10 +309,14 @@ static void leftovers_are_cleaned(void **state)
     fclose(file);
     assert_int_equal(put_text("kept", "kept"), HW_OK);
     assert_int_equal(put_text("tmp", "kept"), HW_OK);
+    assert_int_equal(put_text("mine.tmp", "kept"), HW_OK); // not of ours
+    assert_int_equal(put_text("7.tmp", "kept"), HW_OK);
     assert_int_equal(mkdir("folder.tmp", 0700), 0);
     assert_int_equal(hw_dir_clean_temporary("."), HW_OK);
     assert_false(hw_path_exists("cell.hxc.12345.0.tmp"));
     assert_true(hw_path_exists("kept") && hw_path_exists("tmp") && hw_path_exists("folder.tmp"));
+    assert_true(hw_path_exists("mine.tmp") && hw_path_exists("7.tmp"));
+    assert_true(remove("mine.tmp") == 0 && remove("7.tmp") == 0);
     assert_int_equal(hw_dir_clean_temporary("absent"), HW_OK);
     assert_int_equal(hw_dir_clean_temporary("kept"), HW_IO);
     // A live writer's file stays, and its work comes to its end.

@@ -238,7 +238,13 @@ static void other_options_make_everything_anew(void **state)
     (void)state;
     hw_build_options o = options_for("build_c");
     hw_build_report report;
+    atomic_bool stop = true;
     o.far.interior_px = 1;
+    // From the first file on it is no dataset of either kind.
+    o.stop = &stop;
+    assert_int_equal(hw_build_run(&o, &report), HW_INTERRUPTED);
+    assert_false(hw_path_exists("build_c/manifest.json"));
+    o.stop = NULL;
     build(&o, &report);
     assert_int_equal(report.cells_kept, 0);
     assert_int_equal(report.cells_made, report.cells_total);

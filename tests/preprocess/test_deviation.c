@@ -189,6 +189,23 @@ static void test_outline_without_holes(void **state)
     hw_mesh_free(&fine);
 }
 
+// A small plate far from the origin, as scenes have them that keep the coordinates of a map.
+static void test_outline_far_away(void **state)
+{
+    (void)state;
+    for (int i = 0; i < 2; i++) {
+        hw_vec3 at = i ? hw_v3(1e6f, 1e6f, 0) : hw_v3(0, 0, 0);
+        hw_mesh plate = shape_plane(at, hw_v3(0.25f, 0, 0), hw_v3(0, 0.25f, 0), 1, 1);
+        hw_outline *outline = NULL;
+        float value;
+        assert_int_equal(hw_outline_create(&outline, &plate, 0, 0), HW_OK);
+        assert_int_equal(hw_outline_deviation(outline, &plate, &value), HW_OK);
+        assert_true(value == 0);
+        hw_outline_destroy(outline);
+        hw_mesh_free(&plate);
+    }
+}
+
 static void test_outline_bounds_and_errors(void **state)
 {
     (void)state;
@@ -232,6 +249,7 @@ int main(void)
         cmocka_unit_test(test_outline_of_scaled_spheres),
         cmocka_unit_test(test_outline_of_raised_box),
         cmocka_unit_test(test_outline_without_holes),
+        cmocka_unit_test(test_outline_far_away),
         cmocka_unit_test(test_outline_bounds_and_errors),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

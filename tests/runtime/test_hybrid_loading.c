@@ -114,7 +114,7 @@ static void test_broken_files(void **state)
     assert_non_null(strstr(hw_error_text(), "no-such-folder"));
 }
 
-// A cell of another place, or with objects the manifest does not have.
+// A cell of another place, with objects the manifest does not have, or of another build.
 static void test_cells_that_do_not_belong(void **state)
 {
     fixture *f = *state;
@@ -123,9 +123,10 @@ static void test_cells_that_do_not_belong(void **state)
     snprintf(name, sizeof name, "cells/0/%d_%d.hxc", home.q, home.r);
     snprintf(path, sizeof path, "%s/other.hxc", f->folder);
     hw_near_record near = {OBJECTS, 0};
-    for (int i = 0; i < 2; i++) {
-        hw_cell cell = {.id = home, .near_count = (uint32_t)i, .near = &near};
+    for (int i = 0; i < 3; i++) {
+        hw_cell cell = {.id = home, .key = f->manifest.key, .near_count = i == 1, .near = &near};
         cell.id.q += i == 0;
+        cell.key += i == 2;
         uint8_t *data = NULL;
         size_t size;
         assert_ok(hw_cell_write(&cell, path));
