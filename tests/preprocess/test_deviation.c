@@ -195,7 +195,7 @@ static void test_outline_far_away(void **state)
     (void)state;
     for (int i = 0; i < 2; i++) {
         hw_vec3 at = i ? hw_v3(1e6f, 1e6f, 0) : hw_v3(0, 0, 0);
-        hw_mesh plate = shape_plane(at, hw_v3(0.25f, 0, 0), hw_v3(0, 0.25f, 0), 1, 1);
+        hw_mesh plate = shape_plane(at, hw_v3(0.0625f, 0, 0), hw_v3(0, 0.0625f, 0), 1, 1);
         hw_outline *outline = NULL;
         float value;
         assert_int_equal(hw_outline_create(&outline, &plate, 0, 0), HW_OK);
