@@ -226,11 +226,11 @@ static bool dissolves(const hw_manifest *manifest, hw_cell_id id, hw_vec3 eye)
     return count > 1;
 }
 
-// Of frames evenly over the tour, those in a strip are drawn with and without dissolves in turn;
+// Frames evenly over the tour: those in a strip are drawn with and without dissolves in turn;
 // elsewhere there is no difference.
 static hw_status measure_cost(const hw_pops_desc *d, hw_pops *pops)
 {
-    double soft = 0, hard = 0;
+    double soft = 0, hard = 0, elsewhere = 0;
     uint32_t looks = 0, inside = 0;
     uint32_t step = d->tour->frame_count / COST_LOOKS + 1;
     for (uint32_t i = 0; i < d->tour->frame_count; i += step) {
@@ -239,18 +239,18 @@ static hw_status measure_cost(const hw_pops_desc *d, hw_pops *pops)
         if (!hw_manifest_find_cell(d->manifest, id, NULL))
             continue;
         looks++;
-        if (!dissolves(d->manifest, id, camera.eye))
-            continue;
-        inside++;
+        bool strip = dissolves(d->manifest, id, camera.eye);
+        inside += strip;
         for (int round = 0; round < COST_ROUNDS; round++) {
-            HW_TRY(time_frame(d, &camera, true, &hard));
-            HW_TRY(time_frame(d, &camera, false, &soft));
+            HW_TRY(time_frame(d, &camera, true, strip ? &hard : &elsewhere));
+            if (strip)
+                HW_TRY(time_frame(d, &camera, false, &soft));
         }
     }
     const hw_debug_view plain = {0};
     hw_renderer_set_debug_view(d->hybrid, &plain);
     pops->strip_share = looks ? (double)inside / looks : (double)NAN;
-    pops->dissolve_cost = inside ? (soft / hard - 1) * pops->strip_share : 0;
+    pops->dissolve_cost = inside ? (soft - hard) / (hard + elsewhere) : 0;
     return HW_OK;
 }
 

@@ -104,21 +104,23 @@ hw_status hw_summarize(const double *values, size_t stride, uint32_t count, hw_s
     return HW_OK;
 }
 
-static hw_status note_infinite(hw_report *report, const hw_report_config *c)
+static hw_status note_infinite(hw_report *report, const hw_report_config *c, hw_metric metric,
+                               const char *truth)
 {
-    uint32_t one = c->summaries[HW_METRIC_PSNR_1SPP].infinite;
+    uint32_t one = c->summaries[metric].infinite;
     if (one == 0)
         return HW_OK;
     const char *name = hw_config_name(c->config);
     if (one == report->frame_count)
         return hw_report_note(report,
-                              "Configuration %s equals the one-sample ground truth in every frame: "
-                              "its PSNR against it is infinite, written as null.",
-                              name);
+                              "Configuration %s equals %s in every frame: its PSNR against it is "
+                              "infinite, written as null.",
+                              name, truth);
     return hw_report_note(report,
-                          "Configuration %s equals the one-sample ground truth in %u of %u frames; "
-                          "these infinite values are left out of its means and minima.",
-                          name, one, report->frame_count);
+                          "Configuration %s equals %s in %u of %u frames; these infinite values "
+                          "are left out of its means and minima, which are of other frames than "
+                          "those of other configurations.",
+                          name, truth, one, report->frame_count);
 }
 
 static hw_status summarize_pops(hw_report *report)
@@ -143,7 +145,8 @@ hw_status hw_report_summarize(hw_report *report)
             HW_TRY(hw_summarize(&config->samples[0].values[m],
                                 sizeof *config->samples / sizeof(double), report->frame_count,
                                 &config->summaries[m]));
-        HW_TRY(note_infinite(report, config));
+        HW_TRY(note_infinite(report, config, HW_METRIC_PSNR_1SPP, "the one-sample ground truth"));
+        HW_TRY(note_infinite(report, config, HW_METRIC_PSNR_REFERENCE, "the reference"));
     }
     return HW_OK;
 }
