@@ -387,6 +387,8 @@ static hw_status clean_one(const char *path)
     if (lstat(path, &info) != 0 || !S_ISREG(info.st_mode))
         return HW_OK;
     int fd = open(path, O_RDWR | O_CLOEXEC | O_NONBLOCK | O_NOFOLLOW);
+    if (fd < 0)
+        fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOFOLLOW);
     bool alive = fd >= 0 && flock(fd, LOCK_EX | LOCK_NB) != 0;
     hw_status status = HW_OK;
     if (!alive && unlink(path) != 0 && errno != ENOENT)

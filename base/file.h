@@ -37,8 +37,8 @@ void hw_writer_abort(hw_writer *writer);
 
 // mkdir -p.
 HW_MUST_USE hw_status hw_dir_make(const char *path);
-// Removes leftovers "*.tmp" of killed writers in a folder (not recursive); a missing folder is
-// fine. Those of living writers, also in other processes, are left alone.
+// Removes leftovers "*.<number>.tmp" of killed writers in a folder (not recursive); a missing
+// folder is fine. Those of living writers, also in other processes, are left alone.
 HW_MUST_USE hw_status hw_dir_clean_temporary(const char *path);
 bool hw_path_exists(const char *path);
 // dir + "/" + name into a new string (absolute `name` is returned as it is). Free with hw_free.

@@ -811,10 +811,10 @@ hw_status hw_build_run(const hw_build_options *options, hw_build_report *report)
     b.threads = options->threads ? options->threads : hw_thread_count_default();
     pthread_mutex_init(&b.mutex, NULL);
     HW_GO(load_scene(&b));
-    HW_GO(leave_other(&b));
     HW_GO(make_folders(&b));
     HW_GO(set_budget(&b));
     HW_GO(make_chains(&b));
+    HW_GO(leave_other(&b));
     HW_GO(write_meshes(&b));
     HW_GO(make_rays(&b));
     HW_GO(make_cells(&b));

@@ -22,7 +22,6 @@ static void use_cells(hybrid *h, hw_cell_gpu *const *cells)
         hw_store_use_cell(h->store, cells[l]);
 }
 
-// Everything the cell needs before frames can be drawn in it, but the levels of its near meshes.
 static hw_status find_cell(const hybrid *h, hw_cell_id id, uint32_t *index)
 {
     if (!hw_manifest_find_cell(&h->manifest, id, index))
@@ -30,6 +29,7 @@ static hw_status find_cell(const hybrid *h, hw_cell_id id, uint32_t *index)
     return HW_OK;
 }
 
+// Everything the cell needs before frames can be drawn in it, but the levels of its near meshes.
 static hw_status need_cell(hybrid *h, hw_cell_id id, hw_cell_gpu **out)
 {
     uint32_t index;

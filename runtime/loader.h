@@ -23,8 +23,9 @@ typedef struct hw_item {
     double stamp;  // its last t-priority; without a loader's thread the last frame it was used
     uint64_t used; // number of the last frame that drew it
     uint64_t gpu_bytes;
-    uint64_t known_gpu, known_ram; // of a cell that has been here: its bytes
+    uint64_t known_gpu, known_ram; // of a cell or texture that has been here: its bytes
     double retry_s, wait_s;        // after a failure: when, and how long the next wait is
+    bool failed;                   // the last attempt to load it
     struct hw_loaded *loaded;      // in memory, and of a cell as long as it is on the GPU
     hw_cell_gpu *cell;
     hw_near_level level;

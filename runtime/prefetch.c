@@ -508,6 +508,9 @@ void hw_prefetch_urge(hw_prefetch *prefetch, hw_data_key key)
     uint64_t room = hw_store_gpu_room(prefetch->store);
     while (key.level < table->level_count && table->gpu_bytes[key.level] > room)
         key.level++;
+    for (uint32_t l = 0; l <= key.level && l < table->level_count; l++)
+        if (table->items[l].state == HW_ITEM_READY)
+            return; // what is drawn is as fine
     if (key.level == table->level_count)
         return;
     hw_store_want(prefetch->store, key, (double)prefetch->timestamp + PRIORITY_LACK, HW_PLACE_GPU);

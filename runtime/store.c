@@ -150,7 +150,7 @@ static bool is_near_in_use(const hw_store *s, uint32_t mesh_idx, int32_t texture
     return false;
 }
 
-// Textures, and the last level of a mesh.
+// Textures, and the coarsest level of a mesh that is there.
 static bool is_indispensable(const hw_store *s, const hw_item *item)
 {
     if (item->key.kind == HW_DATA_TEXTURE)
@@ -158,8 +158,8 @@ static bool is_indispensable(const hw_store *s, const hw_item *item)
     if (item->key.kind != HW_DATA_LEVEL || item->state != HW_ITEM_READY)
         return false;
     const hw_mesh_table *table = &s->meshes[item->key.index].table;
-    for (uint32_t i = 0; i < table->level_count; i++)
-        if (&table->items[i] != item && table->items[i].state == HW_ITEM_READY)
+    for (uint32_t i = item->key.level + 1; i < table->level_count; i++)
+        if (table->items[i].state == HW_ITEM_READY)
             return false;
     return is_near_in_use(s, item->key.index, -1);
 }
@@ -333,16 +333,18 @@ static void end_upload(hw_store *s, hw_item *item)
     s->news++;
 }
 
-// The most urgent item of a sort that waits in memory for the GPU, of those that are to be there or
-// those that are to be there now.
-static hw_item *next_upload(hw_store *s, int sort, hw_store_place place)
+// The most urgent item of a sort that waits in memory for the GPU, of those that find room there or
+// must be there now.
+static hw_item *next_upload(hw_store *s, int sort)
 {
     hw_item *best = NULL;
     for (uint32_t i = 0; i < s->active_count; i++) {
         hw_item *item = s->active[i];
         bool fits = (item->key.kind == HW_DATA_CELL) == (sort != UPLOAD_SMALL);
-        if (item->state == HW_ITEM_IN_RAM && place_of(s, item) >= place && fits &&
-            (!best || item->stamp > best->stamp))
+        if (item->state == HW_ITEM_IN_RAM && place_of(s, item) != HW_PLACE_RAM && fits &&
+            (!best || item->stamp > best->stamp) &&
+            (place_of(s, item) == HW_PLACE_NOW ||
+             can_make_room(s, bytes_on_gpu(s, item), item->stamp)))
             best = item;
     }
     return best;
@@ -352,6 +354,7 @@ static void fail_item(hw_store *s, hw_item *item, const char *problem)
 {
     item->wait_s = item->wait_s > 0 ? fmin(2 * item->wait_s, WAIT_MOST_S) : WAIT_FIRST_S;
     item->retry_s = s->now_s + item->wait_s;
+    item->failed = true;
     s->problem_count++;
     memcpy(s->problem, problem, strlen(problem) + 1);
 }
@@ -359,21 +362,16 @@ static void fail_item(hw_store *s, hw_item *item, const char *problem)
 // False: nothing of the sort waits or may go to the GPU.
 static bool start_upload(hw_store *s, int sort)
 {
-    hw_item *item = next_upload(s, sort, HW_PLACE_GPU);
+    hw_item *item = next_upload(s, sort);
     const hw_item *running = s->uploads[UPLOAD_CELL].item;
     if (sort == UPLOAD_URGENT && (!item || !running || running->stamp >= item->stamp))
         return false;
-    bool room = item && can_make_room(s, bytes_on_gpu(s, item), item->stamp);
-    if (item && !room && place_of(s, item) != HW_PLACE_NOW) { // it does not hold up what must come
-        item = next_upload(s, sort, HW_PLACE_NOW);
-        room = item && can_make_room(s, bytes_on_gpu(s, item), item->stamp);
-    }
-    if (!item || (!room && s->patience++ < PATIENCE))
+    if (!item)
+        return false;
+    if (!can_make_room(s, bytes_on_gpu(s, item), item->stamp) && s->patience++ < PATIENCE)
         return false;
     if (make_gpu_room(s, bytes_on_gpu(s, item), item->stamp))
         s->patience = 0;
-    else if (place_of(s, item) != HW_PLACE_NOW)
-        return false; // what goes made something else indispensable
     if (begin_upload(s, item, &s->uploads[sort].upload) == HW_OK)
         s->uploads[sort].item = item;
     else
@@ -431,11 +429,13 @@ static void take_loaded(hw_store *s, hw_loaded *loaded)
     hw_item *item = find_item(s, loaded->key);
     if (item && loaded->status != HW_OK)
         fail_item(s, item, loaded->error);
-    if (!item || loaded->status != HW_OK || item->state != HW_ITEM_AWAY || !make_place(s)) {
+    bool wanted = item && loaded->status == HW_OK && item->state == HW_ITEM_AWAY;
+    if (!wanted || (loaded->key.kind != HW_DATA_MESH && !make_place(s))) {
         hw_loader_dispose(s->loader, loaded, true);
         return;
     }
     item->key = loaded->key;
+    item->failed = false;
     if (loaded->key.kind == HW_DATA_MESH) {
         adopt_table(s, loaded);
         return;
@@ -491,7 +491,7 @@ void hw_store_want(hw_store *store, hw_data_key key, double t_priority, hw_store
 bool hw_store_failed(hw_store *store, hw_data_key key)
 {
     const hw_item *item = find_item(store, key);
-    return item && item->state == HW_ITEM_AWAY && item->wait_s > 0;
+    return item && item->state == HW_ITEM_AWAY && item->failed;
 }
 
 // Takes a piece that was loaded now to the GPU, over the budget if everything there is in use.

@@ -107,11 +107,11 @@ hw_status hw_summarize(const double *values, size_t stride, uint32_t count, hw_s
 static hw_status note_infinite(hw_report *report, const hw_report_config *c, hw_metric metric,
                                const char *truth)
 {
-    uint32_t one = c->summaries[metric].infinite;
-    if (one == 0)
+    uint32_t count = c->summaries[metric].infinite;
+    if (count == 0)
         return HW_OK;
     const char *name = hw_config_name(c->config);
-    if (one == report->frame_count)
+    if (count == report->frame_count)
         return hw_report_note(report,
                               "Configuration %s equals %s in every frame: its PSNR against it is "
                               "infinite, written as null.",
@@ -120,7 +120,7 @@ static hw_status note_infinite(hw_report *report, const hw_report_config *c, hw_
                           "Configuration %s equals %s in %u of %u frames; these infinite values "
                           "are left out of its means and minima, which are of other frames than "
                           "those of other configurations.",
-                          name, truth, one, report->frame_count);
+                          name, truth, count, report->frame_count);
 }
 
 static hw_status summarize_pops(hw_report *report)

@@ -115,7 +115,7 @@ HW_MUST_USE hw_status hw_report_summarize(hw_report *report);
 const hw_report_config *hw_report_find(const hw_report *report, hw_config config);
 // Mean frame time of `config` over that of C; NaN if either is missing.
 double hw_report_ratio(const hw_report *report, hw_config config);
-// The document of report.json . Free with cJSON_Delete.
+// The document of report.json. Free with cJSON_Delete.
 HW_MUST_USE hw_status hw_report_json(const hw_report *report, cJSON **out);
 // frames.csv: a row per frame and configuration; "inf", and nothing for NaN.
 HW_MUST_USE hw_status hw_report_write_csv(const hw_report *report, const char *path);

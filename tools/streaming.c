@@ -99,9 +99,9 @@ static hw_status play(const hw_streaming_desc *desc, hw_renderer *renderer, hw_t
         HW_GO(hw_renderer_draw(renderer, &camera, &stats));
         hw_target_resolve(target);
         glFinish();
-        double ms = hw_clock_ms() - start;
-        note_frame(run, i, &stats, ms, (hw_process_seconds() - cpu_start) * 1000);
-        hw_renderer_advance(renderer, fmax(1 / HW_STREAMING_FPS - ms / 1000, 0));
+        note_frame(run, i, &stats, hw_clock_ms() - start,
+                   (hw_process_seconds() - cpu_start) * 1000);
+        hw_renderer_advance(renderer, 1 / HW_STREAMING_FPS);
         hw_progress_add(progress, 1);
     }
 out:

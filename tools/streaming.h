@@ -1,7 +1,7 @@
 // How a walk feels while its data come: a tour played at its own time, 30 frames a second of it,
-// with and without prefetching (figure 5.19 of the thesis). Time is simulated: the prefetcher has
-// what drawing a frame leaves of a thirtieth of a second, in which it reads and decodes as fast as
-// this machine does, or as the limit of bandwidth lets it.
+// with and without prefetching (figure 5.19 of the thesis). Time is simulated: between two frames
+// the prefetcher has exactly a thirtieth of a second, as on a processor of its own, in which it
+// reads and decodes as fast as this machine does, or as the limit of bandwidth lets it.
 #pragma once
 #include "bytes.h"
 #include "manifest.h"

@@ -167,9 +167,10 @@ hw_status hw_streaming_put_html(const hw_streaming_report *report, const double 
     char a[HW_FIGURE_CAPACITY];
     hw_put_format(page,
                   "<h2>Streaming</h2>\n<p class=\"soft\">The hybrid, the tour played at its "
-                  "own time with %g frames a second of it. Time is simulated: after a "
-                  "frame the prefetcher has the rest of its time; it reads and decodes one "
-                  "piece after the other, for as long as that really takes. With prefetching "
+                  "own time with %g frames a second of it. Time is simulated: between "
+                  "two frames the prefetcher has a thirtieth of a second, as on a processor of its "
+                  "own; it reads and decodes one piece after the other, for as long as that "
+                  "really takes. With prefetching "
                   "frames never wait, but may lack data; its work is not in their times. The "
                   "first frame, which waits in any case, is left out. Atlases stay blocks, which "
                   "software GL draws slower than those of the frames above.",

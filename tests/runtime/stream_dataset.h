@@ -69,7 +69,8 @@ static void stream_near(const stream_dataset *d, hw_cell *cell)
 // Returns the bytes of its file.
 static uint64_t stream_write_cell(const stream_dataset *d, hw_cell_id id)
 {
-    hw_cell cell = {.id = id, .centre = hw_cell_centre(&d->manifest.grid, id), .key = d->manifest.key};
+    hw_cell cell = {
+        .id = id, .centre = hw_cell_centre(&d->manifest.grid, id), .key = d->manifest.key};
     hw_rng rng = hw_rng_make(7, 0);
     hw_image image = {0};
     char *path = NULL;

@@ -606,17 +606,27 @@ static void test_thread(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_priorities),      cmocka_unit_test(test_entries),
-        cmocka_unit_test(test_distances),       cmocka_unit_test(test_nothing_missing),
-        cmocka_unit_test(test_late_data),       cmocka_unit_test(test_same_frames),
-        cmocka_unit_test(test_budgets),         cmocka_unit_test(test_crossings),
-        cmocka_unit_test(test_default_budget),  cmocka_unit_test(test_crossings),
-        cmocka_unit_test(test_least_memory),    cmocka_unit_test(test_draw_allocates_nothing),
-        cmocka_unit_test(test_no_first_level),  cmocka_unit_test(test_nothing_twice),
-        cmocka_unit_test(test_simulated_waits), cmocka_unit_test(test_vanished),
-        cmocka_unit_test(test_vanished_thread), cmocka_unit_test(test_truncated),
-        cmocka_unit_test(test_no_first_frame),  cmocka_unit_test(test_web),
-        cmocka_unit_test(test_web_goes),        cmocka_unit_test(test_thread),
+        cmocka_unit_test(test_priorities),
+        cmocka_unit_test(test_entries),
+        cmocka_unit_test(test_distances),
+        cmocka_unit_test(test_nothing_missing),
+        cmocka_unit_test(test_late_data),
+        cmocka_unit_test(test_same_frames),
+        cmocka_unit_test(test_budgets),
+        cmocka_unit_test(test_crossings),
+        cmocka_unit_test(test_default_budget),
+        cmocka_unit_test(test_least_memory),
+        cmocka_unit_test(test_draw_allocates_nothing),
+        cmocka_unit_test(test_no_first_level),
+        cmocka_unit_test(test_nothing_twice),
+        cmocka_unit_test(test_simulated_waits),
+        cmocka_unit_test(test_vanished),
+        cmocka_unit_test(test_vanished_thread),
+        cmocka_unit_test(test_truncated),
+        cmocka_unit_test(test_no_first_frame),
+        cmocka_unit_test(test_web),
+        cmocka_unit_test(test_web_goes),
+        cmocka_unit_test(test_thread),
     };
     return cmocka_run_group_tests_name("prefetch", tests, open_fixture, close_fixture);
 }
