@@ -10,6 +10,7 @@
 #include "mesh_file.h"
 #include "parallel.h"
 #include "rays.h"
+#include "scene_split.h"
 #include "shard.h"
 #include "system.h"
 #include <errno.h>
@@ -49,8 +50,8 @@ typedef struct build {
     hw_hexgrid grid;
     hw_cell_id *cells; // of all levels, as in the manifest
     uint32_t cell_count;
-    bool *wanted; // per cell; NULL: all are
-    uint64_t scene_hash, key;
+    bool *wanted;                              // per cell; NULL: all are
+    uint64_t scene_hash, key, scene_triangles; // of the scene as it was read
     int32_t *texture_of_material, texture_count;
     hw_progress *progress;
     hw_budget *budget;     // NULL: no bound
@@ -70,6 +71,7 @@ hw_build_options hw_build_defaults(void)
         .levels = 0,
         .z_min = 8,
         .z_max = 16,
+        .piece_cells = 1,
         .near_error_px = 0.36,
         .far = {.policy = &hw_policy_screen,
                 .self_occlusion_px = 20,
@@ -142,7 +144,7 @@ static uint64_t make_key(const build *b)
     uint64_t key = hw_hash(b->scene_hash, o->far.policy->name, strlen(o->far.policy->name));
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
         key = hash_number(key, numbers[i]);
-    return key;
+    return b->report->meshes_cut > 0 ? hash_number(key, o->piece_cells) : key;
 }
 
 static hw_hexgrid make_grid(const build *b)
@@ -199,6 +201,10 @@ static hw_status load_scene(build *b)
     if (!(area > 0))
         return hw_fail(HW_FORMAT, "%s: no triangle has an area", b->options->scene_path);
     b->scene_hash = hw_scene_hash(&b->scene);
+    b->scene_triangles = hw_scene_triangle_count(&b->scene);
+    if (b->options->piece_cells > 0)
+        HW_TRY(hw_scene_split(&b->scene, b->options->piece_cells * b->options->cell_size,
+                              &b->report->meshes_cut));
     b->grid = make_grid(b);
     if (b->grid.columns == HW_GRID_SIDE_MAX || b->grid.rows == HW_GRID_SIDE_MAX)
         return hw_fail(HW_LIMIT,
@@ -708,7 +714,7 @@ static hw_status write_manifest(build *b, double start_ms)
     m.key = b->key;
     m.clusters = o->clusters;
     m.multi_view = may_have_views(b);
-    m.scene_triangles = hw_scene_triangle_count(&b->scene);
+    m.scene_triangles = b->scene_triangles;
     m.self_occlusion_px = o->far.self_occlusion_px;
     m.edge_length_px = o->far.edge_length_px;
     m.near_error_px = o->near_error_px;

@@ -19,6 +19,8 @@ typedef struct hw_build_options {
     double cell_size;
     int32_t levels;      // of cells, 1 to HW_CELL_LEVELS_MAX; 0: by the number of cells
     double z_min, z_max; // heights above the ground at which eyes may be
+    double piece_cells;  // width, in cell sizes, of the pieces that oversized meshes are cut into
+                         // (scene_split.h); 0: none is
     double near_error_px;
     hw_far_options far;
     hw_chain_options chain;
@@ -44,6 +46,7 @@ typedef struct hw_build_report {
     hw_cell_seconds cell_parts;          // of cell_seconds, added up over the threads
     double cell_write_seconds;           // likewise: packing into a file, writing, syncing
     uint64_t scratch_bytes, tree_builds; // what a bound of memory costs
+    uint32_t meshes_cut;                 // oversized ones, into pieces
     uint32_t cells_total, cells_made, cells_kept;
     uint32_t cells_missing, meshes_missing; // left to other shards
     uint32_t cells_left_out;                // not along the tour, and not there from before

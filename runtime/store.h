@@ -14,7 +14,7 @@
 
 // Of the GPU for each level of cells; where nothing is streamed atlases are RGBA in software GL.
 #define HW_STORE_GPU_BUDGET  UINT64_C(16000000)
-#define HW_STORE_GPU_WAITING UINT64_C(20000000)
+#define HW_STORE_GPU_WAITING UINT64_C(24000000)
 #define HW_STORE_RAM_BUDGET  UINT64_C(4000000)
 #define HW_STORE_FRAME_BYTES (UINT64_C(1) << 19)
 

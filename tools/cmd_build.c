@@ -26,6 +26,9 @@ static uint32_t options(hw_option *out, uint32_t capacity)
          "side length of the hexagonal cells"},
         {"heights", 0, HW_OPTION_STRING, &heights, "MIN:MAX", NULL, 0, 0,
          "heights above the ground at which eyes may be"},
+        {"piece-size", 0, HW_OPTION_DOUBLE, &build.piece_cells, "CELL-SIZES", NULL, 0, 1e6,
+         "meshes more than four times as wide (a terrain, a building) are cut into pieces of this "
+         "width; 0: none is"},
         {"policy", 0, HW_OPTION_CHOICE, &policy, "NAME", "screen|thesis", 0, 0,
          "how far objects are simplified"},
         {"self-occlusion", 0, HW_OPTION_DOUBLE, &self_occlusion, "PX", NULL, 0, 1e6,
@@ -161,6 +164,8 @@ static void print_report(const hw_build_report *r)
     if (r->cells_made > 0)
         printf("per cell   %.0f far objects, %.0f triangles; %.1f near objects\n",
                r->far_records_mean, r->far_triangles_mean, r->near_records_mean);
+    if (r->meshes_cut > 0)
+        printf("pieces     of %u oversized meshes\n", r->meshes_cut);
     printf("bytes      %.1f MB: %.1f meshes, %.1f textures, %.1f near objects\n",
            (double)r->bytes / 1e6, (double)r->mesh_bytes / 1e6, (double)r->texture_bytes / 1e6,
            (double)r->near_bytes / 1e6);
@@ -206,6 +211,7 @@ static hw_status write_json(const hw_build_report *r, const cJSON *used)
         {"cell_pack_thread_seconds", r->cell_parts.pack},
         {"cell_write_thread_seconds", r->cell_write_seconds},
         {"total_seconds", r->total_seconds},
+        {"meshes_cut", r->meshes_cut},
         {"cells_total", r->cells_total},
         {"cells_made", r->cells_made},
         {"cells_kept", r->cells_kept},

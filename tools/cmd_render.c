@@ -89,7 +89,7 @@ static uint32_t fill_options(hw_option *out, uint32_t capacity)
          "With --prefetch on: read the dataset with at most so many bytes a second."},
         {"gpu-budget", 0, HW_OPTION_BYTES, &options.gpu_budget, "BYTES", NULL, 0, 0,
          "Memory for the dataset's data on the GPU; 0: 16M "
-         "with prefetching, 20M without, for each level of cells."},
+         "with prefetching, 24M without, for each level of cells."},
         {"ram-budget", 0, HW_OPTION_BYTES, &options.ram_budget, "BYTES", NULL, 0, 0,
          "Memory for data on their way to the GPU; 0: 4M."},
         {"no-images", 0, HW_OPTION_FLAG, &options.no_images, NULL, NULL, 0, 0,

@@ -185,7 +185,7 @@ static uint32_t fill_options(hw_option *out, uint32_t capacity)
          "comes."},
         {"gpu-budget", 0, HW_OPTION_BYTES, &o->gpu_budget, "BYTES", NULL, 0, 0,
          "Memory for the dataset's data on the GPU; 0: 16M "
-         "with prefetching, 20M without, for each level of cells."},
+         "with prefetching, 24M without, for each level of cells."},
         {"ram-budget", 0, HW_OPTION_BYTES, &o->ram_budget, "BYTES", NULL, 0, 0,
          "Memory for data on their way to the GPU; 0: 4M."},
         {"frames", 0, HW_OPTION_UINT, &o->frames, "N", NULL, 0, 1e9,
