@@ -11,6 +11,7 @@
 #include "parallel.h"
 #include "rays.h"
 #include "scene_split.h"
+#include "scene_upright.h"
 #include "shard.h"
 #include "system.h"
 #include <errno.h>
@@ -202,6 +203,7 @@ static hw_status load_scene(build *b)
         return hw_fail(HW_FORMAT, "%s: no triangle has an area", b->options->scene_path);
     b->scene_hash = hw_scene_hash(&b->scene);
     b->scene_triangles = hw_scene_triangle_count(&b->scene);
+    HW_TRY(hw_scene_stand_upright(&b->scene));
     if (b->options->piece_cells > 0)
         HW_TRY(hw_scene_split(&b->scene, b->options->piece_cells * b->options->cell_size,
                               &b->report->meshes_cut));

@@ -6,7 +6,7 @@
 #include <stdatomic.h>
 
 // Raise when the content of cells or meshes changes for the same input: it is part of every key.
-#define HW_BUILD_VERSION 12u
+#define HW_BUILD_VERSION 13u
 
 typedef enum hw_occlusion_mode {
     HW_OCCLUSION_OFF,

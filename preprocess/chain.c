@@ -50,7 +50,9 @@ static float shading_as_length(const maker *m, float shading)
 {
     double length = (double)hw_outline_length(m->outline);
     double area = hw_mesh_area(m->original) / 4;
-    return length > 0 ? (float)(area / length * (double)shading * (double)shading) : 0;
+    if (!(length > 0))
+        length = 4 * sqrt(area); // of a sheet that lies flat
+    return (float)(area / length * (double)shading * (double)shading);
 }
 
 // Pulls vertices back, takes shading over, and measures.
@@ -69,6 +71,8 @@ static hw_status finish_level(void *context, uint64_t index, uint32_t thread)
     float outline;
     HW_TRY(hw_surface_deviation(m->rays, m->original, level, DEVIATION_SAMPLES, l, &surface));
     HW_TRY(hw_outline_deviation(m->outline, level, &outline));
+    if (!(hw_outline_length(m->outline) > 0))
+        outline = surface.p99; // flat, it has no outline to be seen from aside
     *info = (hw_mesh_level_info){level->vertex_count,
                                  level->index_count,
                                  surface.rms,

@@ -82,6 +82,9 @@ static bool serves(const hw_groups *groups, const hw_cell_view *view, uint32_t o
     if (nearest < GROUP_DISTANCE * view->size)
         return false;
     double angle = (double)hw_box_diagonal(box) / nearest;
+    double high =
+        fmax((double)box.max.z - view->grid->z_min, view->grid->z_max - (double)box.min.z);
+    angle *= fmax(1, GROUP_WINDOW * high / nearest); // the picture plane is upright
     return hw_svmesh_self_occlusion_bound(view, view->size, box) < groups->far->self_occlusion_px &&
            GROUP_WINDOW * angle * view->focal_px < groups->far->capture_side_max &&
            !is_flat_from_cells_only(groups, view, object_idx);

@@ -327,14 +327,25 @@ static void find_eyes(work *w)
     }
 }
 
-// Whether a ray from the eye to the point meets nothing in front of it.
+#define BACKS_MAX 64 // that a ray passes
+
+// Whether a ray from the eye to the point meets nothing in front of it but backs, which are not
+// drawn.
 static bool reaches(const work *w, hw_vec3 eye, hw_vec3 point, double tolerance)
 {
+    const hw_svmesh_job *job = w->job;
     hw_vec3 direction = hw_v3_sub(point, eye);
     float t_max = (float)(1 / (1 + tolerance * (double)hw_v3_length(direction)));
-    hw_hit hit = hw_rays_cast_object(hw_capturer_rays(w->job->capturer), w->job->object_idx, eye,
-                                     direction, 0, t_max);
-    return hit.t == INFINITY;
+    hw_hit hit = {0};
+    for (int i = 0; i < BACKS_MAX; i++) {
+        hit = hw_rays_cast_object(hw_capturer_rays(job->capturer), job->object_idx, eye, direction,
+                                  i == 0 ? 0 : hit.t * (1 + 1e-5f) + 1e-6f, t_max);
+        if (hit.t == INFINITY)
+            return true;
+        if (hw_hit_is_front(job->scene, &hit, direction))
+            return false;
+    }
+    return false;
 }
 
 static bool is_hidden(const work *w, const uint32_t *t, double tolerance)

@@ -381,6 +381,18 @@ static hw_hit cast(RTCScene scene, hw_vec3 origin, hw_vec3 direction, float t_mi
                     hit.hit.primID, hit.hit.u, hit.hit.v};
 }
 
+bool hw_hit_is_front(const hw_scene *scene, const hw_hit *hit, hw_vec3 direction)
+{
+    const hw_object *object = &scene->objects[hit->object_idx];
+    const hw_mesh *mesh = &scene->meshes[object->mesh_idx];
+    const uint32_t *t = mesh->indices + 3 * (size_t)hit->triangle_idx;
+    hw_vec3 w[3];
+    for (int k = 0; k < 3; k++)
+        w[k] = hw_mat4_point(&object->transform, mesh->positions[t[k]]);
+    hw_vec3 n = hw_v3_cross(hw_v3_sub(w[1], w[0]), hw_v3_sub(w[2], w[0]));
+    return (hw_v3_dot(n, direction) < 0) != hw_mat4_mirrors(&object->transform);
+}
+
 hw_hit hw_rays_cast(const hw_rays *rays, hw_vec3 origin, hw_vec3 direction, float t_min,
                     float t_max)
 {

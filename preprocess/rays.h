@@ -44,6 +44,9 @@ typedef struct hw_hit {
     float u, v;                        // barycentric: p = (1 - u - v) a + u b + v c
 } hw_hit;
 
+// Whether a ray in this direction meets the triangle's front, for rays of the scene.
+bool hw_hit_is_front(const hw_scene *scene, const hw_hit *hit, hw_vec3 direction);
+
 // Nearest hit along origin + t direction, t in [t_min, t_max].
 hw_hit hw_rays_cast(const hw_rays *rays, hw_vec3 origin, hw_vec3 direction, float t_min,
                     float t_max);

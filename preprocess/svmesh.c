@@ -14,6 +14,7 @@
 // What a capture is cast against may be off by this much, as the nearest viewer in the cell sees
 // it.
 #define CAPTURE_ERROR_PX 0.045
+#define THIN_SAMPLES     8u  // a side of a texel, of what fewer have missed
 #define OCCLUSION_PX     8.0 // between points of a face that are looked for
 
 static const hw_svmesh_policy *const policies[] = {&hw_policy_screen, &hw_policy_thesis, NULL};
@@ -447,6 +448,26 @@ static hw_status assemble(const hw_svmesh_job *job, const hw_view_mesh *mesh,
     return HW_OK;
 }
 
+static bool is_blank(const hw_capture *capture)
+{
+    size_t texels = (size_t)capture->width * capture->height;
+    for (size_t i = 0; i < texels; i++)
+        if (capture->colors[i].a != 0)
+            return false;
+    return true;
+}
+
+// Samples of something thinner than a texel may all miss it: then with more of them.
+static hw_status capture_thin(const hw_svmesh_job *job, const hw_capture_window *window,
+                              hw_capture *out)
+{
+    HW_TRY(hw_svmesh_capture(job, window, job->options->capture_samples, out));
+    if (!is_blank(out))
+        return HW_OK;
+    hw_capture_free(out);
+    return hw_svmesh_capture(job, window, THIN_SAMPLES, out);
+}
+
 hw_status hw_svmesh_finish(const hw_svmesh_job *job, const hw_view_mesh *mesh, bool *fits,
                            hw_svmesh *out)
 {
@@ -458,7 +479,9 @@ hw_status hw_svmesh_finish(const hw_svmesh_job *job, const hw_view_mesh *mesh, b
         return HW_OK;
     HW_GO(assemble(job, mesh, &window, false, out));
     if (out->record.index_count > 0)
-        HW_GO(hw_svmesh_capture(job, &window, job->options->capture_samples, &out->capture));
+        HW_GO(capture_thin(job, &window, &out->capture));
+    if (out->capture.width > 0 && is_blank(&out->capture))
+        out->record.index_count = 0; // too thin to be seen
 out:
     if (status != HW_OK || out->record.index_count == 0)
         hw_svmesh_free(out);
@@ -528,7 +551,7 @@ hw_status hw_svmesh_derive(hw_svmesh_job *job, bool *is_near, hw_svmesh *out)
         HW_GO(hw_mvmesh_add_views(job, out));
 out:
     hw_view_mesh_free(&mesh);
-    if (status != HW_OK)
+    if (status != HW_OK || out->record.index_count == 0)
         hw_svmesh_free(out);
     return status;
 }

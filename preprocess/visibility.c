@@ -14,25 +14,11 @@ typedef struct picture {
     bool *wanted;           // per block
 } picture;
 
-static bool faces(const picture *p, const hw_hit *hit, hw_vec3 direction)
-{
-    const hw_object *object = &p->scene->objects[hit->object_idx];
-    const hw_mesh *mesh = &p->scene->meshes[object->mesh_idx];
-    const uint32_t *t = mesh->indices + 3 * (size_t)hit->triangle_idx;
-    hw_vec3 w[3];
-    for (int k = 0; k < 3; k++)
-        w[k] = hw_mat4_point(&object->transform, mesh->positions[t[k]]);
-    hw_vec3 n = hw_v3_cross(hw_v3_sub(w[1], w[0]), hw_v3_sub(w[2], w[0]));
-    const double *m = object->transform.m;
-    double determinant = m[0] * (m[5] * m[10] - m[6] * m[9]) - m[4] * (m[1] * m[10] - m[2] * m[9]) +
-                         m[8] * (m[1] * m[6] - m[2] * m[5]);
-    return (hw_v3_dot(n, direction) < 0) == (determinant > 0);
-}
-
 // The first front face along a ray.
 static hw_hit first_front(const picture *p, hw_vec3 direction, hw_hit hit)
 {
-    for (int i = 0; i < PASSES_MAX && hit.t < INFINITY && !faces(p, &hit, direction); i++)
+    for (int i = 0;
+         i < PASSES_MAX && hit.t < INFINITY && !hw_hit_is_front(p->scene, &hit, direction); i++)
         hit = hw_rays_cast(p->rays, p->camera->eye, direction, hit.t + 1e-4f + 1e-5f * hit.t,
                            INFINITY);
     return hit;
@@ -125,12 +111,11 @@ hw_status hw_visibility_count(const hw_scene *scene, const hw_rays *rays, const 
 
 bool hw_visibility_inside(const hw_scene *scene, const hw_rays *rays, hw_vec3 eye)
 {
-    picture p = {.scene = scene, .rays = rays};
     hw_vec3 up = hw_v3(0, 0, 1);
     int depth = 0; // surfaces left less those entered: an object may consist of several
     hw_hit hit = hw_rays_cast(rays, eye, up, 0, INFINITY);
     for (int i = 0; i < PASSES_MAX && hit.t < INFINITY; i++) {
-        depth += faces(&p, &hit, up) ? -1 : 1;
+        depth += hw_hit_is_front(scene, &hit, up) ? -1 : 1;
         hit = hw_rays_cast(rays, eye, up, hit.t + 1e-4f + 1e-5f * hit.t, INFINITY);
     }
     return depth > 0;

@@ -193,6 +193,9 @@ static void fill_input(glfw_window *w, hw_input *input)
         if (w->bindings[i].control == control &&
             glfwGetKey(w->window, w->bindings[i].code) == GLFW_PRESS)
             down[w->bindings[i].key] = true;
+    // What was pressed and let go between two frames was down for one.
+    for (int i = 0; i < HW_KEY_COUNT; i++)
+        down[i] = down[i] || w->events.pressed[i];
     *input = w->events;
     memcpy(input->down, down, sizeof down);
     poll_gamepad(w, input);
@@ -303,6 +306,21 @@ static void glfw_set_clipboard(void *state, const char *text)
     glfwSetClipboardString(w->window, text);
 }
 
+// The display that the window is on sets the pace.
+static void learn_pace(glfw_window *w)
+{
+    GLFWmonitor *monitor = monitor_of(w);
+    const GLFWvidmode *mode = monitor ? glfwGetVideoMode(monitor) : NULL;
+    w->refresh_ms = 1000.0 / (mode && mode->refreshRate > 0 ? mode->refreshRate : 60);
+}
+
+static void on_move(GLFWwindow *window, int x, int y)
+{
+    (void)x;
+    (void)y;
+    learn_pace(glfwGetWindowUserPointer(window));
+}
+
 // ---- Creating
 
 static GLFWwindow *open_window(const hw_context_desc *desc, GLFWmonitor *monitor,
@@ -354,7 +372,6 @@ static hw_status glfw_create(const hw_context_desc *desc, void **state)
         status = no_window();
         goto out;
     }
-    w->refresh_ms = 1000.0 / (mode && mode->refreshRate > 0 ? mode->refreshRate : 60);
     w->place[2] = (int)desc->width; // where one that starts full goes back to
     w->place[3] = (int)desc->height;
     w->gamepad.axes[HW_GAMEPAD_LEFT_TRIGGER] = w->gamepad.axes[HW_GAMEPAD_RIGHT_TRIGGER] = -1;
@@ -366,6 +383,8 @@ static hw_status glfw_create(const hw_context_desc *desc, void **state)
     glfwSetMouseButtonCallback(w->window, on_button);
     glfwSetCursorPosCallback(w->window, on_cursor);
     glfwSetWindowFocusCallback(w->window, on_focus);
+    glfwSetWindowPosCallback(w->window, on_move);
+    learn_pace(w);
     glfwMakeContextCurrent(w->window);
     glfwSwapInterval(1);
     *state = w;

@@ -108,6 +108,7 @@ static hw_status hybrid_create(const hw_renderer_desc *desc, hw_gpu_account *acc
     HW_TRY(HW_NEW(&h, 1));
     h->account = account;
     h->debug = debug;
+    h->first_s = -1;
     h->crossing_width = desc->crossing_width;
     h->near_triangles = desc->near_triangles ? desc->near_triangles : HW_NEAR_TRIANGLES;
     HW_GO(hw_strdup(&h->dataset, desc->dataset));
@@ -196,6 +197,11 @@ static hw_status hybrid_prepare(void *state, const hw_camera *camera, hw_frame_s
     return h->prefetch && h->drawable ? HW_OK : begin_frame(h, camera, stats, &view);
 }
 
+static hw_status hybrid_arrive(void *state, const hw_camera *camera, bool *ready)
+{
+    return hw_hybrid_arrive(state, camera, ready);
+}
+
 static void hybrid_advance(void *state, double dt_s)
 {
     hybrid *h = state;
@@ -225,6 +231,7 @@ static hw_status hybrid_draw(void *state, const hw_camera *camera, hw_frame_stat
 
 const hw_renderer_backend hw_draw_hybrid = {.create = hybrid_create,
                                             .destroy = hybrid_destroy,
+                                            .arrive = hybrid_arrive,
                                             .prepare = hybrid_prepare,
                                             .draw = hybrid_draw,
                                             .advance = hybrid_advance};

@@ -8,8 +8,8 @@
 #include <time.h>
 
 #define FIRST_WAIT_S      0.002 // between looks, while there is nothing to draw
-#define FIRST_NEAR_WAITS  250   // of these, for near objects that could be drawn coarser
 #define FIRST_SIMULATED_S 0.02
+#define FIRST_NEAR_S      1.0 // more, for near objects that could be drawn coarser
 
 static hw_data_key cell_key(uint32_t index)
 {
@@ -136,16 +136,6 @@ static void wait_a_little(hybrid *h, const hw_camera *camera)
     hw_hybrid_begin_loading(h, camera);
 }
 
-static hw_status wait_for_chain(hybrid *h, const hw_camera *camera, hw_cell_id id,
-                                hw_cell_gpu *out[HW_CELL_LEVELS_MAX])
-{
-    while (!is_chain_ready(h, id, out)) {
-        HW_TRY(check_chain(h, id));
-        wait_a_little(h, camera);
-    }
-    return HW_OK;
-}
-
 // The level of detail of a near object that a tolerance asks for at this distance.
 hw_data_key hw_hybrid_level_key(const hybrid *h, uint32_t object_idx, double error_px,
                                 double focal_px, float distance)
@@ -174,14 +164,40 @@ static bool is_near_exact(hybrid *h, const hw_cell_records *cell, const hw_camer
     return exact;
 }
 
-// The first picture is to be as it should be, if that does not take too long.
+// Whether the first frame can be drawn: it is to be as it should be, if that does not take too
+// long.
+static hw_status look_for_first(hybrid *h, const hw_camera *camera, hw_cell_id id,
+                                hw_cell_gpu *out[HW_CELL_LEVELS_MAX], bool *ready)
+{
+    *ready = is_chain_ready(h, id, out);
+    if (!*ready)
+        return check_chain(h, id);
+    use_cells(h, out); // finer levels are not to push them out
+    h->first_s = h->first_s < 0 ? now_s(h) : h->first_s;
+    *ready = is_near_exact(h, out[0]->records, camera) || now_s(h) > h->first_s + FIRST_NEAR_S;
+    return HW_OK;
+}
+
 static hw_status wait_for_first(hybrid *h, const hw_camera *camera, hw_cell_id id,
                                 hw_cell_gpu *out[HW_CELL_LEVELS_MAX])
 {
-    HW_TRY(wait_for_chain(h, camera, id, out));
-    for (int i = 0; i < FIRST_NEAR_WAITS && !is_near_exact(h, out[0]->records, camera); i++)
+    for (bool ready = false;;) {
+        HW_TRY(look_for_first(h, camera, id, out, &ready));
+        if (ready)
+            return HW_OK;
         wait_a_little(h, camera);
-    return wait_for_chain(h, camera, id, out);
+    }
+}
+
+hw_status hw_hybrid_arrive(hybrid *h, const hw_camera *camera, bool *ready)
+{
+    hw_cell_gpu *chain[HW_CELL_LEVELS_MAX];
+    *ready = !h->prefetch || h->drawable;
+    if (*ready)
+        return HW_OK;
+    hw_hybrid_begin_loading(h, camera);
+    hw_cell_id id = hw_hexgrid_locate(&h->manifest.grid, camera->eye.x, camera->eye.y);
+    return look_for_first(h, camera, id, chain, ready);
 }
 
 static hw_status need_chain(hybrid *h, hw_cell_id id, hw_cell_gpu *out[HW_CELL_LEVELS_MAX])

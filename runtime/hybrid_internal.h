@@ -55,6 +55,7 @@ typedef struct hybrid {
     hw_prefetch *prefetch;    // NULL: frames wait for what they lack
     bool simulated, drawable; // drawable: a cell was ready once
     double simulated_s;
+    double first_s; // when the first frame could have been drawn, coarser than wished; < 0: not yet
     hw_ground_gl ground;
     near_program near_programs[2][HW_PHASES]; // without and with a texture
     far_program far_programs[2][HW_PHASES];   // opaque, cut out
@@ -92,6 +93,8 @@ static inline size_t hw_hybrid_page_count(size_t records)
 HW_MUST_USE hw_status hw_hybrid_reserve_scratch(hybrid *h, size_t near, size_t far);
 // Takes what has come, and wishes for what is to come.
 void hw_hybrid_begin_loading(hybrid *h, const hw_camera *camera);
+// With prefetching, one step towards the first frame; *ready: it can be drawn without waiting.
+HW_MUST_USE hw_status hw_hybrid_arrive(hybrid *h, const hw_camera *camera, bool *ready);
 // The cells of the frame, and scratch for their records; with prefetching, the best there are.
 HW_MUST_USE hw_status hw_hybrid_find_cells(hybrid *h, const hw_camera *camera,
                                            hw_frame_stats *stats, frame_cells *out);

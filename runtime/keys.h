@@ -6,9 +6,9 @@
 
 #define HW_KEY_NAMES_MAX 2
 
-// A key is named as it is shown: one character of a US keyboard ("W", ","), or "Up", "Down",
-// "Left", "Right", "Page Up", "Page Down", "Space", "Escape", "Shift", "F1" to "F12"; "Ctrl+"
-// before it asks for Control, and a key without it is not pressed while Control is.
+// A key is named as it is shown: one letter or digit, or "Up", "Down", "Left", "Right", "Page Up",
+// "Page Down", "Space", "Comma", "Period", "Escape", "Shift", "F1" to "F12"; "Ctrl+" before it asks
+// for Control, and a key without it is not pressed while Control is.
 typedef struct hw_key_row {
     hw_key key; // HW_KEY_COUNT: only told of (mouse and sticks)
     const char *names[HW_KEY_NAMES_MAX];

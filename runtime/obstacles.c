@@ -6,6 +6,7 @@
 #include "solid.h"
 #include "source.h"
 #include <stdio.h>
+#include <time.h>
 
 // Cubes of this size, in the world, where meshes are small enough for it.
 #define CUBE_SIDE 1.0
@@ -92,8 +93,30 @@ static hw_status finish(hw_obstacles *o, const hw_box *boxes)
     return hw_box_grid_create(&o->grid, boxes, o->count, bounds, HW_BODY_RADIUS_MAX + 3 * cover);
 }
 
+static bool is_stopped(const hw_obstacles_desc *desc)
+{
+    return desc->stop && atomic_load(desc->stop);
+}
+
+static hw_status read_block(hw_source *source, const hw_obstacles_desc *desc, const char *name,
+                            uint64_t offset, uint64_t size, hw_block *out)
+{
+    const struct timespec pause = {0, 5000000};
+    hw_request *request = NULL;
+    HW_TRY(hw_source_start(source, name, offset, size, &request));
+    while (!hw_request_done(request)) {
+        if (is_stopped(desc)) {
+            hw_request_cancel(request);
+            return hw_fail(HW_INTERRUPTED, "%s: interrupted", name);
+        }
+        nanosleep(&pause, NULL);
+    }
+    return hw_request_finish(request, out);
+}
+
 // The coarsest level whose surface is within half a cube of the original's.
-static hw_status read_level(hw_source *source, uint32_t mesh_idx, double side, hw_mesh *out)
+static hw_status read_level(hw_source *source, const hw_obstacles_desc *desc, uint32_t mesh_idx,
+                            double side, hw_mesh *out)
 {
     hw_status status = HW_OK;
     char name[48];
@@ -101,7 +124,7 @@ static hw_status read_level(hw_source *source, uint32_t mesh_idx, double side, h
     hw_mesh_file *file = NULL;
     uint64_t offset, size;
     snprintf(name, sizeof name, "meshes/%u.hxm", mesh_idx);
-    HW_TRY(hw_source_read(source, name, 0, HW_MESH_FRONT_BYTES, &block));
+    HW_TRY(read_block(source, desc, name, 0, HW_MESH_FRONT_BYTES, &block));
     HW_GO(hw_mesh_file_open_front(&file, name, block.data, block.size, block.file_bytes));
     uint32_t level = 0, count = hw_mesh_file_level_count(file);
     while (level + 1 < count && hw_mesh_file_level(file, level + 1)->error_p99 <= side / 2)
@@ -109,7 +132,7 @@ static hw_status read_level(hw_source *source, uint32_t mesh_idx, double side, h
     hw_mesh_file_level_place(file, level, &offset, &size);
     hw_free(block.data);
     block = (hw_block){0};
-    HW_GO(hw_source_read(source, name, offset, size, &block));
+    HW_GO(read_block(source, desc, name, offset, size, &block));
     HW_GO(hw_mesh_file_decode(file, level, block.data, block.size, out, NULL));
 out:
     hw_free(block.data);
@@ -117,17 +140,17 @@ out:
     return status;
 }
 
-static hw_status make_solid(hw_obstacles *o, const hw_scene *scene, hw_source *source,
+static hw_status make_solid(hw_obstacles *o, const hw_obstacles_desc *desc, hw_source *source,
                             uint32_t mesh_idx, double side, uint32_t *missing)
 {
-    if (scene)
-        return hw_solid_make(&o->solids[mesh_idx], &scene->meshes[mesh_idx], side);
+    if (desc->scene)
+        return hw_solid_make(&o->solids[mesh_idx], &desc->scene->meshes[mesh_idx], side);
     hw_mesh mesh = {0};
-    hw_status status = read_level(source, mesh_idx, side, &mesh);
+    hw_status status = read_level(source, desc, mesh_idx, side, &mesh);
     if (status == HW_OK)
         status = hw_solid_make(&o->solids[mesh_idx], &mesh, side);
     hw_mesh_free(&mesh);
-    if (status == HW_OK || status == HW_MEMORY)
+    if (status == HW_OK || status == HW_MEMORY || status == HW_INTERRUPTED)
         return status;
     ++*missing;
     return HW_OK;
@@ -140,14 +163,16 @@ static hw_status make_solids(hw_obstacles *o, const hw_obstacles_desc *desc, uin
     hw_source *source = NULL;
     HW_GO(choose_sides(o, &sides));
     if (!desc->scene)
-        HW_GO(hw_source_open(&source, &(hw_source_desc){.location = desc->dataset}));
+        HW_GO(
+            hw_source_open(&source, &(hw_source_desc){.location = desc->dataset,
+                                                      .bytes_per_second = desc->bytes_per_second}));
     for (uint32_t i = 0; i < o->mesh_count; i++) {
-        if (desc->stop && atomic_load(desc->stop)) {
+        if (is_stopped(desc)) {
             status = hw_fail(HW_INTERRUPTED, "obstacles: interrupted");
             goto out;
         }
         if (sides[i] > 0)
-            HW_GO(make_solid(o, desc->scene, source, i, sides[i], missing));
+            HW_GO(make_solid(o, desc, source, i, sides[i], missing));
     }
 out:
     hw_source_close(source);

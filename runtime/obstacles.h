@@ -19,7 +19,8 @@ typedef struct hw_obstacles_desc {
     const char *dataset;
     const hw_manifest *manifest;
     const hw_scene *scene;
-    const atomic_bool *stop; // once true, making ends with HW_INTERRUPTED; NULL: never
+    uint64_t bytes_per_second; // limit of reading a dataset; 0: none
+    const atomic_bool *stop;   // once true, making ends with HW_INTERRUPTED; NULL: never
 } hw_obstacles_desc;
 
 // Keeps nothing of its arguments. Each mesh is made solid once, a dataset's from the coarsest level

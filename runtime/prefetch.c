@@ -26,6 +26,7 @@
 #define AROUND_SHARE    0.9  // of the priority
 #define SMOOTH_S        0.25 // over which motion is averaged
 #define WAY_WEIGHT      0.5  // of what is walked before, against the distance from there
+#define HELD            0.3  // of the way to that: what is there, or will be shown, is so much more urgent
 #define REPLAN_S        0.5  // plans are made again after that, for what failed or was lost
 #define SECOND_RING_COS 0.7  // of the second ring only what lies ahead
 
@@ -37,6 +38,7 @@ typedef struct plan_entry {
     hw_data_key key;
     double priority;
     uint64_t gpu_bytes;
+    bool shown; // by frames on the way
 } plan_entry;
 
 // A cell of level 0 that may be shown.
@@ -270,6 +272,7 @@ static void plan(hw_prefetch *p, const plan_entry *add)
         if (!hw_data_key_equal(p->plan[i].key, add->key))
             continue;
         p->plan[i].priority = fmax(p->plan[i].priority, add->priority);
+        p->plan[i].shown |= add->shown;
         return;
     }
     if (p->plan_count < p->plan_capacity)
@@ -310,7 +313,9 @@ static void plan_cells(hw_prefetch *p)
     for (uint32_t i = 0; i < p->candidate_count; i++) {
         hw_cell_id id = p->candidates[i].id;
         for (int32_t l = 0; l < p->manifest->grid.levels; l++, id = hw_cell_parent(id)) {
-            plan_entry e = {.key = {.kind = HW_DATA_CELL}, .priority = p->candidates[i].priority};
+            plan_entry e = {.key = {.kind = HW_DATA_CELL},
+                            .priority = p->candidates[i].priority,
+                            .shown = p->candidates[i].shown};
             if (!hw_manifest_find_cell(p->manifest, id, &e.key.index))
                 continue;
             e.gpu_bytes = hw_store_cell_gpu_bytes(p->store, e.key.index);
@@ -332,6 +337,7 @@ typedef struct near_object {
     const hw_manifest_object *object;
     const hw_mesh_table *table;
     double stretch;
+    bool shown; // the candidate is, on the way
 } near_object;
 
 static uint32_t level_at(const hw_prefetch *p, const near_object *n, double distance)
@@ -343,7 +349,8 @@ static void plan_level(hw_prefetch *p, const near_object *n, uint32_t level, dou
 {
     const plan_entry e = {.key = {HW_DATA_LEVEL, n->object->mesh_idx, level},
                           .priority = priority,
-                          .gpu_bytes = n->table->gpu_bytes[level]};
+                          .gpu_bytes = n->table->gpu_bytes[level],
+                          .shown = n->shown};
     plan(p, &e);
 }
 
@@ -402,7 +409,8 @@ static void plan_levels(hw_prefetch *p, const candidate *c, const near_object *n
 static void plan_object(hw_prefetch *p, const candidate *c, const near_object *n)
 {
     double first = c->priority < PRIORITY_HERE ? c->priority + BEFORE : PRIORITY_MUST;
-    plan_entry e = {.key = {HW_DATA_MESH, n->object->mesh_idx, 0}, .priority = first};
+    plan_entry e = {
+        .key = {HW_DATA_MESH, n->object->mesh_idx, 0}, .priority = first, .shown = n->shown};
     if (n->table)
         plan_level(p, n, n->table->level_count - 1, first); // to fall back on
     else
@@ -428,7 +436,8 @@ static void plan_near(hw_prefetch *p, bool levels)
             const hw_manifest_object *object = &p->manifest->objects[object_idx];
             const near_object n = {.object = object,
                                    .table = hw_store_table(p->store, object->mesh_idx),
-                                   .stretch = (double)p->stretch[object_idx]};
+                                   .stretch = (double)p->stretch[object_idx],
+                                   .shown = c->shown};
             if (!levels)
                 plan_object(p, c, &n);
             else if (n.table)
@@ -452,6 +461,17 @@ static bool is_cell(const plan_entry *e)
 static bool is_indispensable(const plan_entry *e)
 {
     return e->priority >= (is_cell(e) ? PRIORITY_HERE : PRIORITY_MUST);
+}
+
+// Where the budget ends in the middle of the plan, what may never be shown does not push out what
+// is there for being a little more urgent: else pieces would come and go with every turn.
+static void hold(hw_prefetch *p)
+{
+    for (uint32_t i = 0; i < p->plan_count; i++) {
+        plan_entry *e = &p->plan[i];
+        if (e->priority < PRIORITY_SHOWN && (e->shown || hw_store_is_here(p->store, e->key)))
+            e->priority += HELD * (PRIORITY_SHOWN - e->priority);
+    }
 }
 
 // As much as the GPU's budget holds, in order; of the cells that it does not, as many as there is
@@ -493,6 +513,7 @@ void hw_prefetch_update(hw_prefetch *prefetch, const hw_camera *camera, double n
     plan_cells(p);
     plan_near(p, false);
     plan_near(p, true);
+    hold(p);
     sort_plan(p->plan, p->plan_count);
     want_plan(p);
 }

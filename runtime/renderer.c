@@ -51,6 +51,13 @@ void hw_renderer_destroy(hw_renderer *renderer)
     hw_free(renderer);
 }
 
+hw_status hw_renderer_arrive(hw_renderer *renderer, const hw_camera *camera, bool *ready)
+{
+    *ready = true;
+    return renderer->backend->arrive ? renderer->backend->arrive(renderer->state, camera, ready)
+                                     : HW_OK;
+}
+
 hw_status hw_renderer_prepare(hw_renderer *renderer, const hw_camera *camera, hw_frame_stats *stats)
 {
     hw_frame_stats own = {0};

@@ -72,6 +72,10 @@ typedef struct hw_renderer_desc {
 typedef struct hw_renderer hw_renderer;
 HW_MUST_USE hw_status hw_renderer_create(const hw_renderer_desc *desc, hw_renderer **out);
 void hw_renderer_destroy(hw_renderer *renderer);
+// One step towards the first frame, for who must not wait for it: with prefetching, what is drawn
+// before *ready waits until there is something to draw. Everything else is ready at once.
+HW_MUST_USE hw_status hw_renderer_arrive(hw_renderer *renderer, const hw_camera *camera,
+                                         bool *ready);
 // Loads what the view needs (C: the cell and its near meshes), so that a following draw does not
 // stall. Not timed by benchmarks that measure drawing; counted in the stats. With prefetching it
 // waits only as long as there is nothing at all to draw.

@@ -10,7 +10,8 @@ typedef struct hw_renderer_backend {
     hw_status (*create)(const hw_renderer_desc *desc, hw_gpu_account *account,
                         const hw_debug_view *debug, void **state);
     void (*destroy)(void *state);
-    // As in renderer.h; *stats comes zeroed. prepare may be NULL.
+    // As in renderer.h; *stats comes zeroed. arrive and prepare may be NULL.
+    hw_status (*arrive)(void *state, const hw_camera *camera, bool *ready);
     hw_status (*prepare)(void *state, const hw_camera *camera, hw_frame_stats *stats);
     hw_status (*draw)(void *state, const hw_camera *camera, hw_frame_stats *stats);
     void (*advance)(void *state, double dt_s); // may be NULL

@@ -515,6 +515,12 @@ static hw_status finish_now(hw_store *s, hw_item *item, hw_loaded *loaded)
     return HW_OK;
 }
 
+bool hw_store_is_here(hw_store *store, hw_data_key key)
+{
+    const hw_item *item = find_item(store, key);
+    return item && item->state != HW_ITEM_AWAY;
+}
+
 hw_status hw_store_need(hw_store *store, hw_data_key key)
 {
     hw_item *item = find_item(store, key);

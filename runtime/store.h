@@ -53,6 +53,8 @@ HW_MUST_USE hw_status hw_store_need(hw_store *store, hw_data_key key);
 // Whether the last attempt to load the piece failed.
 bool hw_store_failed(hw_store *store, hw_data_key key);
 
+// Whether the piece is in memory or on the GPU.
+bool hw_store_is_here(hw_store *store, hw_data_key key);
 // A cell that is ready, else NULL; and the records of one that is at least in memory.
 hw_cell_gpu *hw_store_cell(hw_store *store, uint32_t index);
 const hw_cell_records *hw_store_records(const hw_store *store, uint32_t index);

@@ -289,6 +289,12 @@ static bool tour_is_closed(const hw_tour *tour)
     return tour->frame_count > 2 && hw_v3_length(gap) <= longest * 1.01f;
 }
 
+void hw_walker_set_fov(hw_walker *walker, double degrees)
+{
+    if (!walker->recording)
+        walker->fov_degrees = degrees;
+}
+
 void hw_walker_play(hw_walker *walker, const hw_tour *tour)
 {
     assert(tour->frame_count > 0);
@@ -318,7 +324,7 @@ void hw_walker_toggle_playing(hw_walker *walker)
     double end = walker->tour->frames[walker->tour->frame_count - 1].t;
     if (walker->tour_s >= end)
         walker->tour_s = walker->tour->frames[0].t;
-    walker->fov_degrees = walker->tour->fov_degrees;
+    hw_walker_set_fov(walker, walker->tour->fov_degrees);
     walker->playing = true;
 }
 

@@ -53,6 +53,8 @@ void hw_walker_place(hw_walker *walker, hw_vec3 eye, hw_vec3 forward);
 void hw_walker_place_default(hw_walker *walker, const hw_box *boxes, uint32_t count,
                              float ground_z);
 
+// The vertical field of view; while a recording is made it stays, since tours have one only.
+void hw_walker_set_fov(hw_walker *walker, double degrees);
 // Plays the tour from its start by time: exact at the tour's frames, interpolated between them. A
 // closed tour (its ends are no farther apart than its longest step) goes round for ever; at the end
 // of another one the walker stands still and is free. Any key of motion, or the mouse, ends

@@ -18,14 +18,19 @@ walk_options walk_opt = {.samples = "1",
                          .near_triangles = HW_NEAR_TRIANGLES,
                          .seed = 1};
 
-// Ctrl-C in the terminal ends the walk as Escape does, so that a recording is not lost; a second
-// one kills.
+// Ctrl-C in the terminal, or its end, ends the walk as Escape does, so that a recording is not
+// lost; a second time kills.
 static volatile sig_atomic_t interrupted;
 
 static void on_signal(int number)
 {
     (void)number;
     interrupted = 1;
+}
+
+bool walk_interrupted(void)
+{
+    return interrupted;
 }
 
 uint32_t walk_samples(void)
@@ -72,7 +77,7 @@ static hw_status run_frames(walk *w)
         w->quit = w->quit || interrupted;
         walk_take_obstacles(w, false);
         double now = hw_clock_ms();
-        if (w->placed)
+        if (w->placed && !w->arriving)
             HW_TRY(hw_walker_update(&w->walker, &w->input, (now - last_ms) / 1000));
         last_ms = now;
         if (w->waiting) {
@@ -82,7 +87,8 @@ static hw_status run_frames(walk *w)
         }
         if (w->input.width > 0) {
             HW_TRY(walk_draw_frame(w));
-            hw_pace_tick(&w->pace, hw_clock_ms(), w->loaded_bytes);
+            if (hw_pace_tick(&w->pace, hw_clock_ms(), w->loaded_bytes))
+                w->rss_bytes = hw_rss_bytes();
         } else {
             hw_pace_pause(&w->pace);
         }
@@ -148,6 +154,7 @@ static hw_status run(int argc, const char *const *argv)
     struct sigaction action = {.sa_handler = on_signal, .sa_flags = SA_RESETHAND};
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGTERM, &action, NULL);
+    sigaction(SIGHUP, &action, NULL);
     status = walk_opt.random_walk > 0 ? walk_at_random(w) : walk_in_window(w);
     status = keep_recording(w, status);
 out:
@@ -216,8 +223,8 @@ const hw_command hw_cmd_walk = {
     .summary = "Walk through a dataset in a window.",
     .arguments = "DATASET|URL|SCENE",
     .description =
-        "Opens a window on a dataset, a folder or the URL of one on a web server. W, A, S, D or "
-        "the arrows walk, Q and E go down and up, Shift "
+        "Opens a window on a dataset, a folder or the URL of one on a web server. W, A, S and D "
+        "walk, as Up and Down do, Left and Right turn, Q and E go down and up, Shift "
         "runs, a click lets the mouse turn the view, and F1 shows all keys. One cannot walk into "
         "objects, nor out of the cells. Keys 1 to 4 switch between full geometry (A), geometry "
         "with culling (B), discrete levels of detail (L) and the hybrid (C); the first three, and "

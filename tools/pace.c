@@ -19,19 +19,19 @@ static double percentile_99(const hw_pace *p)
     return (double)sorted[(uint32_t)(0.99 * (count - 1) + 0.5)];
 }
 
-void hw_pace_tick(hw_pace *p, double now_ms, uint64_t loaded_bytes)
+bool hw_pace_tick(hw_pace *p, double now_ms, uint64_t loaded_bytes)
 {
     p->bytes += loaded_bytes;
     if (p->last_ms == 0) {
         p->start_ms = p->last_ms = now_ms;
-        return;
+        return false;
     }
     p->times_ms[p->time_count++ % HW_PACE_FRAMES] = (float)(now_ms - p->last_ms);
     p->last_ms = now_ms;
     p->frames++;
     double elapsed = now_ms - p->start_ms;
     if (elapsed < PERIOD_MS)
-        return;
+        return false;
     p->frame_ms = elapsed / p->frames;
     p->fps = 1000 / p->frame_ms;
     p->p99_ms = percentile_99(p);
@@ -39,6 +39,7 @@ void hw_pace_tick(hw_pace *p, double now_ms, uint64_t loaded_bytes)
     p->start_ms = now_ms;
     p->frames = 0;
     p->bytes = 0;
+    return true;
 }
 
 void hw_pace_pause(hw_pace *p)

@@ -1,5 +1,6 @@
 // Frame times as a HUD shows them.
 #pragma once
+#include <stdbool.h>
 #include <stdint.h>
 
 #define HW_PACE_FRAMES 512u // the latest that p99 is of
@@ -15,7 +16,7 @@ typedef struct hw_pace {
     double fps, frame_ms, p99_ms, bytes_s;
 } hw_pace;
 
-// A frame that ends at now_ms and loaded so many bytes.
-void hw_pace_tick(hw_pace *pace, double now_ms, uint64_t loaded_bytes);
+// A frame that ends at now_ms and loaded so many bytes. True: what is shown is new.
+bool hw_pace_tick(hw_pace *pace, double now_ms, uint64_t loaded_bytes);
 // A pause that is no slow frame.
 void hw_pace_pause(hw_pace *pace);

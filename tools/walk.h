@@ -88,12 +88,14 @@ typedef struct walk {
     walk_compare compare; // `wanted_compare` once B is there
     walk_compare wanted_compare;
     hw_compare_view *compare_view;
-    double seam; // 0 to 1
-    double psnr; // of the last frame's difference
+    bool arriving; // what is shown has nothing to draw yet
+    double seam;   // 0 to 1
+    double psnr;   // of the last frame's difference
     hw_debug_view debug;
     char message[512];
     double message_until_ms;
     hw_pace pace;
+    uint64_t rss_bytes; // of the process, when the pace's figures were made
     hw_frame_stats stats;
     uint64_t stalls;                     // so far
     uint64_t loaded_bytes, read_bytes;   // by the last frame; by the hybrid since its start
@@ -102,6 +104,8 @@ typedef struct walk {
 } walk;
 
 uint32_t walk_samples(void);
+// Whether the walk was asked to end from outside.
+bool walk_interrupted(void);
 // "A full geometry", ...
 const char *walk_config_title(hw_config config);
 // A message at the bottom of the window for a while.

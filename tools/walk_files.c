@@ -105,7 +105,7 @@ hw_status walk_paste_camera(walk *w)
         return hw_fail(HW_NOT_FOUND, "the clipboard holds no text");
     HW_TRY(hw_camera_parse("clipboard", text, &camera));
     hw_walker_place(&w->walker, camera.eye, camera.forward);
-    w->walker.fov_degrees = camera.fov_degrees;
+    hw_walker_set_fov(&w->walker, camera.fov_degrees);
     bool moved = hw_v3_length(hw_v3_sub(hw_walker_view(&w->walker).eye, camera.eye)) > 1e-3f;
     walk_say(w, WALK_MESSAGE_MS, moved ? "Pasted, moved to where there are cells" : "Pasted");
     return HW_OK;

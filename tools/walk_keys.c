@@ -25,7 +25,8 @@ static void freeze(walk *w)
 static void toggle_collision(walk *w)
 {
     w->collides = !w->collides;
-    w->walker.obstacles = w->collides ? w->obstacles.made : NULL;
+    bool made = !w->obstacles.task.running; // else they are another thread's
+    w->walker.obstacles = w->collides && made ? w->obstacles.made : NULL;
     walk_say(w, WALK_MESSAGE_MS, "Collision %s", w->collides ? "on" : "off");
 }
 
@@ -76,7 +77,8 @@ static void handle_files(walk *w, const bool *pressed)
         walk_copy_camera(w);
     if (pressed[HW_KEY_PASTE] && walk_paste_camera(w) != HW_OK)
         walk_complain(w, "paste");
-    if (pressed[HW_KEY_SCREENSHOT] && w->shown && w->input.width > 0 && take_screenshot(w) != HW_OK)
+    if (pressed[HW_KEY_SCREENSHOT] && w->shown && !w->arriving && w->input.width > 0 &&
+        take_screenshot(w) != HW_OK)
         walk_complain(w, "screenshot");
 }
 

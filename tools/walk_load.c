@@ -10,6 +10,8 @@
 #define SCENE_MARGIN 100.0 // walkable around a scene without a dataset
 #define SCENE_CELL   50.0
 
+#define OBSTACLES_PART 8u // of the bandwidth: obstacles are read beside what is drawn
+
 // ---- What is walked through
 
 static bool is_folder(const char *path)
@@ -91,12 +93,19 @@ static hw_status make_obstacles(void *context)
     return hw_obstacles_create(&o->desc, &o->missing, &o->made);
 }
 
+// Of --bandwidth; 0: no limit.
+static uint64_t obstacles_share(void)
+{
+    return (walk_opt.bandwidth + OBSTACLES_PART - 1) / OBSTACLES_PART;
+}
+
 static hw_status start_obstacles(walk *w)
 {
     walk_obstacles *o = &w->obstacles;
     o->desc = (hw_obstacles_desc){.dataset = w->path,
                                   .manifest = &w->manifest,
                                   .scene = w->is_dataset ? NULL : &w->loader.scene,
+                                  .bytes_per_second = obstacles_share(),
                                   .stop = &o->stop};
     w->collides = strcmp(walk_opt.collision, "on") == 0;
     return walk_task_start(&o->task, make_obstacles, o);
@@ -109,6 +118,7 @@ void walk_take_obstacles(walk *w, bool wait)
         return;
     // What cannot be read is no obstacle: the walk goes on.
     if (walk_task_join(&o->task) != HW_OK) {
+        w->collides = false;
         walk_complain(w, "no collision");
         return;
     }
@@ -116,6 +126,28 @@ void walk_take_obstacles(walk *w, bool wait)
         walk_say(w, WALK_MESSAGE_MS, "%u of %u meshes cannot be read: no obstacles", o->missing,
                  w->manifest.mesh_count);
     w->walker.obstacles = w->collides ? o->made : NULL;
+}
+
+// Into the nearest cell that there is, in a dataset of which some were not made.
+static void move_to_cell(walk *w)
+{
+    hw_tour_frame view = hw_walker_view(&w->walker);
+    hw_hexgrid *grid = &w->walker.grid;
+    hw_vec3 best = view.eye;
+    float least = INFINITY;
+    if (hw_manifest_find_cell(&w->manifest, hw_hexgrid_locate(grid, w->walker.x, w->walker.y),
+                              NULL))
+        return;
+    for (uint32_t i = 0; i < w->manifest.cell_count; i++) {
+        hw_cell_id id = w->manifest.cells[i].id;
+        hw_vec3 centre = hw_cell_centre(grid, id);
+        float distance = hypotf(centre.x - view.eye.x, centre.y - view.eye.y);
+        if (id.level > 0 || distance >= least)
+            continue;
+        least = distance;
+        best = hw_v3(centre.x, centre.y, view.eye.z);
+    }
+    hw_walker_place(&w->walker, best, view.forward);
 }
 
 // Puts the walker into the dataset's grid, or that of a scene without one.
@@ -128,6 +160,8 @@ static hw_status place_walker(walk *w)
     HW_TRY(keep_boxes(w));
     hw_walker_init(&w->walker, &grid);
     hw_walker_place_default(&w->walker, w->boxes, w->box_count, ground_z);
+    if (w->is_dataset)
+        move_to_cell(w);
     HW_TRY(start_obstacles(w));
     w->placed = true;
     if (w->tour.frame_count > 0)
@@ -190,19 +224,20 @@ static void show_compare(walk *w, walk_compare compare)
 
 static hw_status make_renderer(walk *w)
 {
-    hw_renderer_desc desc = {.config = w->wanted,
-                             .dataset = w->is_dataset ? w->path : NULL,
-                             .scene = w->loader.loaded ? &w->loader.scene : NULL,
-                             .lod_error_px = walk_opt.lod_error,
-                             .near_triangles = (uint32_t)walk_opt.near_triangles,
-                             .hide = strcmp(walk_opt.occlusion, "on") == 0,
-                             .crossing_width = HW_CROSSING_WIDTH,
-                             .streaming = {.loading = strcmp(walk_opt.prefetch, "on") == 0
-                                                          ? HW_LOADING_AHEAD
-                                                          : HW_LOADING_WAITS,
-                                           .bytes_per_second = walk_opt.bandwidth,
-                                           .gpu_budget = walk_opt.gpu_budget,
-                                           .ram_budget = walk_opt.ram_budget}};
+    hw_renderer_desc desc = {
+        .config = w->wanted,
+        .dataset = w->is_dataset ? w->path : NULL,
+        .scene = w->loader.loaded ? &w->loader.scene : NULL,
+        .lod_error_px = walk_opt.lod_error,
+        .near_triangles = (uint32_t)walk_opt.near_triangles,
+        .hide = strcmp(walk_opt.occlusion, "on") == 0,
+        .crossing_width = HW_CROSSING_WIDTH,
+        .streaming = {
+            .loading = strcmp(walk_opt.prefetch, "on") == 0 ? HW_LOADING_AHEAD : HW_LOADING_WAITS,
+            .bytes_per_second = walk_opt.bandwidth > 1 ? walk_opt.bandwidth - obstacles_share()
+                                                       : walk_opt.bandwidth,
+            .gpu_budget = walk_opt.gpu_budget,
+            .ram_budget = walk_opt.ram_budget}};
     HW_TRY(hw_renderer_create(&desc, &w->renderers[w->wanted]));
     hw_renderer_set_debug_view(w->renderers[w->wanted], &w->debug);
     return HW_OK;
@@ -269,6 +304,8 @@ void walk_want_config(walk *w, hw_config config)
 void walk_want_compare(walk *w, walk_compare compare)
 {
     w->wanted_compare = compare;
+    if (compare == WALK_PLAIN && w->only_make)
+        w->waiting = false; // for B, which nobody wants any more
     if (compare == WALK_PLAIN || w->renderers[HW_CONFIG_B])
         show_compare(w, compare);
     else if (w->shown)
@@ -285,14 +322,15 @@ static void end_tasks(walk *w)
             continue;
 }
 
+// The window goes first: what is under way may take a while to end.
 void walk_close(walk *w)
 {
-    end_tasks(w);
     for (int i = 0; i < 4; i++)
         hw_renderer_destroy(w->renderers[i]);
     hw_compare_view_destroy(w->compare_view);
     hw_hud_destroy(w->hud);
     hw_context_destroy(w->context);
+    end_tasks(w);
     hw_scene_free(&w->loader.scene);
     hw_free(w->loader.path);
     hw_walker_free(&w->walker);

@@ -6,6 +6,7 @@
 #include "walk.h"
 #include <glad/gl.h>
 #include <math.h>
+#include <time.h>
 
 #define STEP_S (1.0 / 30)
 
@@ -38,11 +39,18 @@ static void decide(intent *in, hw_rng *rng)
     in->input.pitch = 0.1 * (2.0 * hw_rng_float(rng) - 1.0);
 }
 
-// The configuration to walk in, waiting for it.
+// The configuration to walk in and its first frame, waiting for them.
 static hw_status reach_config(walk *w)
 {
-    while (w->waiting)
+    const struct timespec pause = {0, 2000000};
+    while (w->waiting && !walk_interrupted()) {
         HW_TRY(walk_pursue_config(w));
+        nanosleep(&pause, NULL);
+    }
+    do {
+        HW_TRY(walk_draw_frame(w));
+        nanosleep(&pause, NULL);
+    } while (w->arriving && !walk_interrupted());
     return HW_OK;
 }
 
@@ -87,7 +95,7 @@ static hw_status walk_steps(walk *w, hw_target *target, findings *f)
     hw_progress *progress = NULL;
     uint64_t count = (uint64_t)ceil(walk_opt.random_walk / STEP_S);
     HW_GO(hw_progress_create(&progress, "walking", count));
-    for (uint64_t i = 0; i < count; i++) {
+    for (uint64_t i = 0; i < count && !walk_interrupted(); i++) {
         if (now.steps == 0)
             decide(&now, &rng);
         now.steps--;
@@ -110,6 +118,7 @@ hw_status walk_at_random(walk *w)
     w->input.width = walk_opt.size[0];
     w->input.height = walk_opt.size[1];
     HW_GO(hw_target_create(&target, walk_opt.size[0], walk_opt.size[1], walk_samples()));
+    hw_target_bind(target);
     HW_GO(reach_config(w));
     walk_take_obstacles(w, true);
     HW_GO(walk_steps(w, target, &f));

@@ -46,7 +46,7 @@ static void format_line(const walk *w, const hw_camera *camera, char *out, size_
                         .triangles = w->stats.triangles,
                         .draws = w->stats.draws,
                         .hidden = w->stats.hidden,
-                        .ram_bytes = hw_rss_bytes(),
+                        .ram_bytes = w->rss_bytes,
                         .waiting_bytes = stream->ram_bytes,
                         .waiting_budget_bytes = stream->ram_budget,
                         .gpu_bytes = hw_renderer_gpu_bytes(w->shown),
@@ -104,7 +104,10 @@ static void draw_hud(walk *w, const hw_camera *camera)
 {
     char line[768];
     hw_hud_legend_row legend[HW_HUD_LEGEND_MAX];
-    hw_hud_content content = {.message = hw_clock_ms() < w->message_until_ms ? w->message : NULL,
+    bool says = hw_clock_ms() < w->message_until_ms;
+    hw_hud_content content = {.message = w->arriving ? "Loading"
+                                         : says      ? w->message
+                                                     : NULL,
                               .help = w->show_help};
     hw_minimap map = {.grid = &w->walker.grid,
                       .boxes = w->boxes,
@@ -146,12 +149,17 @@ hw_status walk_draw_frame(walk *w)
 {
     hw_camera camera = {0};
     hw_frame_stats load;
-    if (!w->shown) {
+    bool ready = false;
+    if (w->shown) {
+        camera = hw_walker_camera(&w->walker, w->input.width, w->input.height);
+        HW_TRY(hw_renderer_arrive(w->shown, &camera, &ready));
+    }
+    w->arriving = w->shown && !ready;
+    if (!ready) {
         hw_hud_blank(w->hud);
         draw_hud(w, &camera);
         return HW_OK;
     }
-    camera = hw_walker_camera(&w->walker, w->input.width, w->input.height);
     HW_TRY(hw_renderer_prepare(w->shown, &camera, &load));
     HW_TRY(walk_draw_view(w, &camera));
     watch_stream(w);

@@ -275,6 +275,23 @@ static void test_budgets(void **state)
     }
 }
 
+// The first frame wishes for finer levels of what is near than there is room for beside the cell:
+// that is not pushed out for them.
+static void test_first_frame_is_tight(void **state)
+{
+    fixture *f = *state;
+    const uint64_t cell = STREAM_ATLAS * STREAM_ATLAS * 4, ball = 64 * 32 * (24 + 12);
+    hw_camera camera = model_camera(hw_v3(12.5f, 12.5f, 0), hw_v3(0.7f, 0.7f, 0), SIZE);
+    for (uint64_t bytes = cell / 8; bytes <= 2 * cell; bytes += ball / 8) {
+        const hw_streaming streaming = {
+            .loading = HW_LOADING_SIMULATED, .gpu_budget = bytes, .bytes_per_second = 1000000};
+        hw_renderer *renderer = open_renderer(f->dataset.folder, &streaming);
+        hw_frame_stats stats = draw(f, renderer, &camera);
+        assert_true(stats.near_triangles > 0);
+        hw_renderer_destroy(renderer);
+    }
+}
+
 // Without a budget of the user's, a frame's cells of every level have a share of the same size.
 static void test_default_budget(void **state)
 {
@@ -606,27 +623,17 @@ static void test_thread(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_priorities),
-        cmocka_unit_test(test_entries),
-        cmocka_unit_test(test_distances),
-        cmocka_unit_test(test_nothing_missing),
-        cmocka_unit_test(test_late_data),
-        cmocka_unit_test(test_same_frames),
-        cmocka_unit_test(test_budgets),
-        cmocka_unit_test(test_crossings),
-        cmocka_unit_test(test_default_budget),
-        cmocka_unit_test(test_least_memory),
-        cmocka_unit_test(test_draw_allocates_nothing),
-        cmocka_unit_test(test_no_first_level),
-        cmocka_unit_test(test_nothing_twice),
-        cmocka_unit_test(test_simulated_waits),
-        cmocka_unit_test(test_vanished),
-        cmocka_unit_test(test_vanished_thread),
-        cmocka_unit_test(test_truncated),
-        cmocka_unit_test(test_no_first_frame),
-        cmocka_unit_test(test_web),
-        cmocka_unit_test(test_web_goes),
-        cmocka_unit_test(test_thread),
+        cmocka_unit_test(test_priorities),      cmocka_unit_test(test_entries),
+        cmocka_unit_test(test_distances),       cmocka_unit_test(test_nothing_missing),
+        cmocka_unit_test(test_late_data),       cmocka_unit_test(test_same_frames),
+        cmocka_unit_test(test_budgets),         cmocka_unit_test(test_first_frame_is_tight),
+        cmocka_unit_test(test_crossings),       cmocka_unit_test(test_default_budget),
+        cmocka_unit_test(test_least_memory),    cmocka_unit_test(test_draw_allocates_nothing),
+        cmocka_unit_test(test_no_first_level),  cmocka_unit_test(test_nothing_twice),
+        cmocka_unit_test(test_simulated_waits), cmocka_unit_test(test_vanished),
+        cmocka_unit_test(test_vanished_thread), cmocka_unit_test(test_truncated),
+        cmocka_unit_test(test_no_first_frame),  cmocka_unit_test(test_web),
+        cmocka_unit_test(test_web_goes),        cmocka_unit_test(test_thread),
     };
     return cmocka_run_group_tests_name("prefetch", tests, open_fixture, close_fixture);
 }
