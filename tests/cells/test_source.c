@@ -249,6 +249,9 @@ static void test_web_faults(void **state)
     web_misbehave(&w, WEB_GONE, -1);
     check_fails(source, "cells/a.hxc", 0, 0, HW_NOT_FOUND);
     assert_int_equal(w.requests, 1);
+    web_misbehave(&w, WEB_GONE_CUT, -1);
+    check_fails(source, "cells/a.hxc", 0, 0, HW_NOT_FOUND);
+    assert_int_equal(w.requests, 1);
     web_misbehave(&w, WEB_RANGE, -1);
     check_fails(source, "cells/a.hxc", 50000, 1000, HW_IO);
     web_misbehave(&w, WEB_NO_RANGE, -1);
@@ -257,6 +260,29 @@ static void test_web_faults(void **state)
     web_misbehave(&w, WEB_NO_LENGTH, -1);
     check_read(source, 0, 0, SIZE);
     assert_true(hw_source_get_stats(source).retries > 0);
+    hw_source_close(source);
+    web_close(&w);
+}
+
+// Nobody waits for the end of a body that goes on behind what is wanted.
+static void test_web_endless(void **state)
+{
+    (void)state;
+    web w;
+    hw_block block;
+    web_open(&w, FOLDER);
+    hw_source *source = open_source(w.location);
+    web_misbehave(&w, WEB_HUGE, -1);
+    must(hw_source_read(source, "cells/a.hxc", 50000, 1000, &block));
+    assert_int_equal(block.size, 1000);
+    assert_true(block.file_bytes == WEB_HUGE_BYTES);
+    assert_memory_equal(block.data, content + 50000, 1000);
+    hw_free(block.data);
+    check_fails(source, "cells/a.hxc", WEB_HUGE_BYTES / 2, 1000, HW_LIMIT);
+    check_fails(source, "cells/a.hxc", 0, 0, HW_LIMIT);
+    web_misbehave(&w, WEB_ENDLESS, -1);
+    check_fails(source, "cells/a.hxc", 50000, 1000, HW_LIMIT);
+    assert_int_equal(hw_source_get_stats(source).retries, 0);
     hw_source_close(source);
     web_close(&w);
 }
@@ -343,12 +369,13 @@ static void test_manifest(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_folder),     cmocka_unit_test(test_unknown_scheme),
-        cmocka_unit_test(test_many),       cmocka_unit_test(test_notify),
-        cmocka_unit_test(test_bandwidth),  cmocka_unit_test(test_cancel_slow),
-        cmocka_unit_test(test_web),        cmocka_unit_test(test_web_faults),
-        cmocka_unit_test(test_web_stall),  cmocka_unit_test(test_web_refused),
-        cmocka_unit_test(test_cancel_web), cmocka_unit_test(test_manifest),
+        cmocka_unit_test(test_folder),      cmocka_unit_test(test_unknown_scheme),
+        cmocka_unit_test(test_many),        cmocka_unit_test(test_notify),
+        cmocka_unit_test(test_bandwidth),   cmocka_unit_test(test_cancel_slow),
+        cmocka_unit_test(test_web),         cmocka_unit_test(test_web_faults),
+        cmocka_unit_test(test_web_endless), cmocka_unit_test(test_web_stall),
+        cmocka_unit_test(test_web_refused), cmocka_unit_test(test_cancel_web),
+        cmocka_unit_test(test_manifest),
     };
     return cmocka_run_group_tests(tests, open_folder, close_folder);
 }
