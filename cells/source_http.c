@@ -16,6 +16,7 @@
 #define HTTP_PARTIAL  206L
 
 static pthread_once_t curl_once = PTHREAD_ONCE_INIT;
+static char load_error[256];
 
 // What is called of it.
 static struct {
@@ -50,6 +51,8 @@ static void load_curl(void)
                   find(library, "curl_easy_perform", &curl.perform) &&
                   find(library, "curl_easy_strerror", &curl.strerror) &&
                   curl.global_init(CURL_GLOBAL_DEFAULT) == CURLE_OK;
+    const char *reason = curl.loaded ? NULL : dlerror();
+    snprintf(load_error, sizeof load_error, "%s", reason ? reason : "it does not start");
 }
 
 // One attempt as curl's callbacks see it.
@@ -270,7 +273,7 @@ static hw_status connect_curl(void **connection)
 {
     pthread_once(&curl_once, load_curl);
     if (!curl.loaded)
-        return hw_fail(HW_IO, "web servers need libcurl (libcurl.so.4), which cannot be loaded");
+        return hw_fail(HW_IO, "web servers need libcurl, which cannot be loaded: %s", load_error);
     *connection = curl.init();
     return *connection ? HW_OK : hw_fail(HW_MEMORY, "out of memory for a connection");
 }

@@ -11,6 +11,8 @@
 #include "web.h"
 
 #include <stdatomic.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
 
 #define FOLDER "source-files"
 #define SIZE   200000u
@@ -210,6 +212,32 @@ static void test_cancel_slow(void **state)
 
 // ---- a web server ----
 
+// Without file descriptors no library can be loaded. In a process of its own, before any other has
+// loaded it.
+static void test_no_curl(void **state)
+{
+    (void)state;
+    pid_t child = fork();
+    assert_true(child >= 0);
+    if (child == 0) {
+        const struct rlimit none = {0, 0};
+        bool named = true;
+        hw_source *source = open_source("http://127.0.0.1:1");
+        setrlimit(RLIMIT_NOFILE, &none);
+        for (int i = 0; i < 2; i++) {
+            hw_block block;
+            hw_status status = hw_source_read(source, "a.hxc", 0, 0, &block);
+            const char *text = hw_error_text(), *path = "http://127.0.0.1:1/a.hxc: web servers";
+            named = named && status == HW_IO && strncmp(text, path, strlen(path)) == 0 &&
+                    strstr(text, "libcurl.so.4: cannot open");
+        }
+        _exit(named ? 0 : 1);
+    }
+    int result = 0;
+    assert_int_equal(waitpid(child, &result, 0), child);
+    assert_int_equal(result, 0);
+}
+
 static void test_web(void **state)
 {
     (void)state;
@@ -369,13 +397,13 @@ static void test_manifest(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_folder),      cmocka_unit_test(test_unknown_scheme),
-        cmocka_unit_test(test_many),        cmocka_unit_test(test_notify),
-        cmocka_unit_test(test_bandwidth),   cmocka_unit_test(test_cancel_slow),
-        cmocka_unit_test(test_web),         cmocka_unit_test(test_web_faults),
-        cmocka_unit_test(test_web_endless), cmocka_unit_test(test_web_stall),
-        cmocka_unit_test(test_web_refused), cmocka_unit_test(test_cancel_web),
-        cmocka_unit_test(test_manifest),
+        cmocka_unit_test(test_folder),     cmocka_unit_test(test_unknown_scheme),
+        cmocka_unit_test(test_many),       cmocka_unit_test(test_notify),
+        cmocka_unit_test(test_bandwidth),  cmocka_unit_test(test_cancel_slow),
+        cmocka_unit_test(test_no_curl),    cmocka_unit_test(test_web),
+        cmocka_unit_test(test_web_faults), cmocka_unit_test(test_web_endless),
+        cmocka_unit_test(test_web_stall),  cmocka_unit_test(test_web_refused),
+        cmocka_unit_test(test_cancel_web), cmocka_unit_test(test_manifest),
     };
     return cmocka_run_group_tests(tests, open_folder, close_folder);
 }

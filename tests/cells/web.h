@@ -166,10 +166,10 @@ static void web_answer(web *w, int client)
         web_gone_cut(client);
     } else if (hw_file_read(path, 0, &data, &size) != HW_OK) {
         web_error(client, 404);
-    } else if (first >= size && size > 0) {
-        web_error(client, 416);
     } else if (fault == WEB_HUGE || fault == WEB_ENDLESS) {
         web_send_on(w, client, fault, data, size);
+    } else if (first >= size && size > 0) {
+        web_error(client, 416);
     } else {
         last = last < size ? last : size - 1;
         web_send(w, client, fault, data, size, first, last);
