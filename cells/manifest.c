@@ -46,6 +46,9 @@ static hw_status validate_head(const char *name, const hw_manifest *m)
     if (m->scene_triangles > WHOLE_MAX || m->mesh_bytes > WHOLE_MAX ||
         m->texture_bytes > WHOLE_MAX || m->near_bytes > WHOLE_MAX)
         return hw_fail(HW_FORMAT, "%s: a count of triangles or bytes is too large", name);
+    if (m->mesh_count > HW_MESH_FILES_MAX || m->texture_count > HW_MESH_FILES_MAX)
+        return hw_fail(HW_FORMAT, "%s: %u meshes, %u textures: too many", name, m->mesh_count,
+                       m->texture_count);
     if (!isfinite(g->origin_x) || !isfinite(g->origin_y) || !isfinite(g->cell_size) ||
         g->cell_size <= 0 || !isfinite(g->z_min) || !isfinite(g->z_max) || g->z_min > g->z_max ||
         g->columns < 1 || g->columns > HW_GRID_SIDE_MAX || g->rows < 1 ||

@@ -230,6 +230,8 @@ static void test_hostile_members(void **state)
         {NULL, "policy", "null"},
         {NULL, "mesh_count", "3"},
         {NULL, "mesh_count", "4294967296"},
+        {NULL, "mesh_count", "16777217"},
+        {NULL, "texture_count", "16777217"},
         {NULL, "texture_count", "1"},
         {NULL, "objects", "{}"},
         {NULL, "objects", "[1]"},
@@ -271,6 +273,7 @@ static void test_hostile_members(void **state)
         assert_int_equal(parse_changed(cases[i][0], cases[i][1], cases[i][2]), HW_FORMAT);
         assert_int_equal(parse_changed(cases[i][0], cases[i][1], NULL), HW_FORMAT);
     }
+    assert_int_equal(parse_changed(NULL, "mesh_count", "16777216"), HW_OK);
     assert_int_equal(parse_changed(NULL, "version", "2"), HW_OK);
     assert_int_equal(parse_changed(NULL, "version", NULL), HW_FORMAT);
     assert_int_equal(parse_changed(NULL, "version", "3"), HW_VERSION);
