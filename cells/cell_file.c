@@ -731,11 +731,16 @@ bool hw_cell_is_current(const char *path, uint64_t key)
     return current;
 }
 
+void hw_cell_name(char out[HW_FILE_NAME_BYTES], hw_cell_id id)
+{
+    snprintf(out, HW_FILE_NAME_BYTES, "cells/%" PRId32 "/%" PRId32 "_%" PRId32 ".hxc", id.level,
+             id.q, id.r);
+}
+
 hw_status hw_cell_path(char **out, const char *dataset, hw_cell_id id)
 {
-    char name[64];
-    snprintf(name, sizeof name, "cells/%" PRId32 "/%" PRId32 "_%" PRId32 ".hxc", id.level, id.q,
-             id.r);
+    char name[HW_FILE_NAME_BYTES];
+    hw_cell_name(name, id);
     return hw_path_join(out, dataset, name);
 }
 

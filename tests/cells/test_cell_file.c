@@ -193,6 +193,9 @@ static void test_path(void **state)
     must(hw_cell_path(&path, "/data/set", (hw_cell_id){1, 12, -3}));
     assert_string_equal(path, "/data/set/cells/1/12_-3.hxc");
     hw_free(path);
+    char name[HW_FILE_NAME_BYTES];
+    hw_cell_name(name, (hw_cell_id){INT32_MIN, INT32_MIN, INT32_MIN});
+    assert_string_equal(name, "cells/-2147483648/-2147483648_-2147483648.hxc");
 }
 
 // One broken invariant each. `writes` tells the value that is broken.
