@@ -222,8 +222,8 @@ static void test_no_curl(void **state)
     if (child == 0) {
         const struct rlimit none = {0, 0};
         bool named = true;
+        setrlimit(RLIMIT_NOFILE, &none); // first: threads load it as soon as they start
         hw_source *source = open_source("http://127.0.0.1:1");
-        setrlimit(RLIMIT_NOFILE, &none);
         for (int i = 0; i < 2; i++) {
             hw_block block;
             hw_status status = hw_source_read(source, "a.hxc", 0, 0, &block);
