@@ -24,7 +24,7 @@ struct hw_reader {
 
 struct hw_writer {
     int fd;
-    bool direct; // a device or pipe: nothing to replace
+    bool direct; // a device, pipe or standard output: nothing to replace
     bool failed;
     char *path;      // what the caller named
     char *target;    // what is replaced: the path with links resolved
@@ -217,6 +217,18 @@ static hw_status open_temporary(hw_writer *w)
     return status;
 }
 
+// A file that standard output or error is redirected to, by whatever name, would lose what is
+// written there if it were replaced: it is written through a copy of that descriptor, behind it.
+static int standard_of(const struct stat *file)
+{
+    for (int fd = STDOUT_FILENO; fd <= STDERR_FILENO; fd++) {
+        struct stat info;
+        if (fstat(fd, &info) == 0 && info.st_dev == file->st_dev && info.st_ino == file->st_ino)
+            return fd;
+    }
+    return -1;
+}
+
 static hw_status open_target(hw_writer *w)
 {
     struct stat info;
@@ -228,6 +240,13 @@ static hw_status open_target(hw_writer *w)
     if (exists && !S_ISREG(info.st_mode)) {
         w->direct = true;
         w->fd = open(w->path, O_WRONLY | O_CLOEXEC);
+        return w->fd < 0 ? fail_output(w->path, "open for writing") : HW_OK;
+    }
+    int standard = exists ? standard_of(&info) : -1;
+    if (standard >= 0) {
+        fflush(standard == STDOUT_FILENO ? stdout : stderr);
+        w->direct = true;
+        w->fd = fcntl(standard, F_DUPFD_CLOEXEC, 0);
         return w->fd < 0 ? fail_output(w->path, "open for writing") : HW_OK;
     }
     char *resolved = exists ? realpath(w->path, NULL) : NULL;

@@ -23,7 +23,8 @@ void hw_reader_close(hw_reader *reader);
 // Writes `path` atomically: a temporary name in the same folder ("<path>.<process>.<n>.tmp"),
 // fsync, rename, fsync of the folder. On failure (HW_IO) the old file is untouched and the
 // temporary one is removed; only if the folder's sync fails is the new file already in place,
-// whole. Links are followed, permissions kept; devices and pipes are written directly.
+// whole. Links are followed, permissions kept; devices, pipes and the files that standard output
+// and error go to are written directly.
 HW_MUST_USE hw_status hw_file_write(const char *path, const void *data, size_t size);
 
 // The same for streamed output.

@@ -1,10 +1,11 @@
 #include "json.h"
 #include "alloc.h"
 #include "file.h"
+#include <limits.h>
 #include <math.h>
 #include <string.h>
 
-#define FILE_LIMIT  (256u << 20)
+#define FILE_LIMIT  ((size_t)INT_MAX)  // what cJSON can print
 #define WHOLE_LIMIT 9007199254740992.0 // 2^53: beyond it a double no longer holds every integer
 
 static hw_status fail_syntax(const char *name, const char *text, const char *place)
@@ -53,9 +54,15 @@ hw_status hw_json_write(const char *path, const cJSON *json)
     hw_status status = HW_OK;
     char *text = cJSON_Print(json);
     if (!text)
-        return hw_fail(HW_MEMORY, "%s: out of memory while writing JSON", path);
+        return hw_fail(HW_MEMORY, "%s: no memory for the JSON, or 2 GiB of it", path);
+    size_t size = strlen(text);
+    if (size + 1 > FILE_LIMIT) { // nobody could read it again
+        status = hw_fail(HW_LIMIT, "%s: %zu bytes of JSON, the limit is %zu", path, size + 1,
+                         FILE_LIMIT);
+        goto out;
+    }
     HW_GO(hw_writer_open(&writer, path));
-    HW_GO(hw_writer_put(writer, text, strlen(text)));
+    HW_GO(hw_writer_put(writer, text, size));
     HW_GO(hw_writer_put(writer, "\n", 1));
     hw_writer *finished = writer;
     writer = NULL;

@@ -5,12 +5,12 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-// Parses the file (limit 256 MiB). HW_FORMAT names the file and the place of a syntax error. Free
-// with cJSON_Delete.
+// Parses the file (limit 2 GiB - 1, HW_LIMIT). HW_FORMAT names the file and the place of a syntax
+// error. Free with cJSON_Delete.
 HW_MUST_USE hw_status hw_json_read(const char *path, cJSON **out);
 // Parses text; `name` is for messages.
 HW_MUST_USE hw_status hw_json_parse(const char *name, const char *text, size_t size, cJSON **out);
-// Writes atomically, indented, with a final newline.
+// Writes atomically, indented, with a final newline. HW_LIMIT: more than could be read again.
 HW_MUST_USE hw_status hw_json_write(const char *path, const cJSON *json);
 
 // Members of an object. `name` (a file name) is for messages. Numbers must be finite; integers must

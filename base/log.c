@@ -69,33 +69,20 @@ static void show(hw_progress *p, bool terminal)
     bar = p;
 }
 
-static void log_line(const char *kind, const char *format, va_list args)
+void hw_log_warning(const char *format, ...)
 {
     char text[HW_ERROR_CAPACITY];
+    va_list args;
     if (hw_log_quiet())
         return;
+    va_start(args, format);
     vsnprintf(text, sizeof text, format, args);
+    va_end(args);
     pthread_mutex_lock(&mutex);
-    fprintf(stderr, "%shexwalk: %s%s\n", bar ? "\r\033[K" : "", kind, text);
+    fprintf(stderr, "%shexwalk: warning: %s\n", bar ? "\r\033[K" : "", text);
     if (bar)
         show(bar, true);
     pthread_mutex_unlock(&mutex);
-}
-
-void hw_log_info(const char *format, ...)
-{
-    va_list args;
-    va_start(args, format);
-    log_line("", format, args);
-    va_end(args);
-}
-
-void hw_log_warning(const char *format, ...)
-{
-    va_list args;
-    va_start(args, format);
-    log_line("warning: ", format, args);
-    va_end(args);
 }
 
 hw_status hw_progress_create(hw_progress **out, const char *label, uint64_t total)

@@ -8,8 +8,7 @@
 // With quiet, neither log lines nor progress are written. Set once by main before threads start.
 void hw_log_set_quiet(bool quiet);
 bool hw_log_quiet(void);
-// One line on stderr: "hexwalk: text". Thread-safe.
-void hw_log_info(const char *format, ...) HW_PRINTF(1, 2);
+// One line on stderr: "hexwalk: warning: text". Thread-safe.
 void hw_log_warning(const char *format, ...) HW_PRINTF(1, 2);
 
 // A progress bar with ETA on a terminal, a plain line at most every 5 seconds otherwise. `label`

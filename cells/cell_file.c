@@ -172,6 +172,8 @@ static hw_status validate_far_views(const hw_cell *c, uint32_t index, uint32_t f
 hw_status hw_cell_validate(const hw_cell *cell, const char *name)
 {
     HW_TRY(validate_counts(cell, name));
+    if (cell->id.level > 0 && cell->near_count > 0)
+        return hw_fail(HW_FORMAT, "%s: near objects at level %d", name, cell->id.level);
     for (uint32_t i = 0; i < cell->near_count; i++)
         if (cell->near[i].level >= HW_MESH_LEVELS_MAX)
             return hw_fail(HW_FORMAT, "%s: near object %u: level %u", name, i, cell->near[i].level);
@@ -512,13 +514,13 @@ static hw_rect get_rect(hw_bytes_reader *r)
     return (hw_rect){x, y, width, height};
 }
 
-static void get_far(hw_bytes_reader *r, hw_far_record *f)
+// Returns the flags, of which only 0 and 1 are known.
+static uint16_t get_far(hw_bytes_reader *r, hw_far_record *f)
 {
     f->object_idx = hw_get_u32(r);
     f->face = hw_get_u16(r);
     uint16_t flags = hw_get_u16(r);
     f->cut_out = flags == 1;
-    f->face = flags > 1 ? UINT32_MAX : f->face; // no face: found by the checks
     f->x_min = hw_get_f32(r);
     f->x_max = hw_get_f32(r);
     f->y_min = hw_get_f32(r);
@@ -533,9 +535,10 @@ static void get_far(hw_bytes_reader *r, hw_far_record *f)
     f->view_count = hw_get_u32(r);
     f->range_count = hw_get_u32(r);
     (void)hw_get_u32(r); // shifts: see put_back_low_bits
+    return flags;
 }
 
-static hw_status get_records(const hw_cell_chunks *chunks, hw_cell *c)
+static hw_status get_records(const char *name, const hw_cell_chunks *chunks, hw_cell *c)
 {
     HW_TRY(HW_NEW(&c->near, c->near_count));
     HW_TRY(HW_NEW(&c->far, c->far_count));
@@ -549,7 +552,9 @@ static hw_status get_records(const hw_cell_chunks *chunks, hw_cell *c)
     // May wrap: validation then stops at the record.
     uint32_t first_vertex = 0, first_index = 0, first_view = 0, first_range = 0;
     for (uint32_t i = 0; i < c->far_count; i++) {
-        get_far(&r, &c->far[i]);
+        uint16_t flags = get_far(&r, &c->far[i]);
+        if (flags > 1)
+            return hw_fail(HW_FORMAT, "%s: far object %u: unknown flags %u", name, i, flags);
         c->far[i].first_vertex = first_vertex;
         c->far[i].first_index = first_index;
         c->far[i].first_view = first_view;
@@ -636,7 +641,7 @@ hw_status hw_cell_from_chunks(const char *name, uint64_t key, const hw_cell_chun
     *out = (hw_cell){.key = key};
     HW_GO(get_info(name, chunks, out));
     HW_GO(check_sizes(name, chunks, out));
-    HW_GO(get_records(chunks, out));
+    HW_GO(get_records(name, chunks, out));
     HW_GO(get_views(chunks, out));
     HW_GO(get_geometry(name, chunks, out));
     if (out->atlas_width) {
@@ -731,11 +736,16 @@ bool hw_cell_is_current(const char *path, uint64_t key)
     return current;
 }
 
+void hw_cell_name(char out[HW_FILE_NAME_BYTES], hw_cell_id id)
+{
+    snprintf(out, HW_FILE_NAME_BYTES, "cells/%" PRId32 "/%" PRId32 "_%" PRId32 ".hxc", id.level,
+             id.q, id.r);
+}
+
 hw_status hw_cell_path(char **out, const char *dataset, hw_cell_id id)
 {
-    char name[64];
-    snprintf(name, sizeof name, "cells/%" PRId32 "/%" PRId32 "_%" PRId32 ".hxc", id.level, id.q,
-             id.r);
+    char name[HW_FILE_NAME_BYTES];
+    hw_cell_name(name, id);
     return hw_path_join(out, dataset, name);
 }
 

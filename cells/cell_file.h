@@ -104,7 +104,8 @@ HW_MUST_USE hw_status hw_cell_read_counts(const char *path, hw_cell *out);
 // Whether `path` holds a complete cell with this key: opens and validates it. A missing or broken
 // file gives false.
 bool hw_cell_is_current(const char *path, uint64_t key);
-// "cells/<level>/<q>_<r>.hxc" below the dataset folder.
+// "cells/<level>/<q>_<r>.hxc": the name below a dataset, as a source takes it, and the path.
+void hw_cell_name(char out[HW_FILE_NAME_BYTES], hw_cell_id id);
 HW_MUST_USE hw_status hw_cell_path(char **out, const char *dataset, hw_cell_id id);
 // World from image space of a record: maps (x, y, z, 1) with x, y, z as the 16-bit integers to
 // homogeneous world coordinates.

@@ -219,7 +219,8 @@ static hw_status read_header(hw_container *c, uint32_t kind)
 static hw_status check_entry(const hw_container *c, uint32_t index, uint64_t expected_offset)
 {
     const entry *e = &c->entries[index];
-    if (e->offset != expected_offset || e->stored > c->size - expected_offset)
+    // Even an empty chunk is a frame. Of no bytes a source would read the whole file.
+    if (e->offset != expected_offset || e->stored == 0 || e->stored > c->size - expected_offset)
         return hw_fail(HW_FORMAT, "%s: chunk %u lies outside of its place", c->name, index);
     if (!ratio_is_fine(e->raw, e->stored))
         return hw_fail(HW_FORMAT, "%s: chunk %u claims %llu bytes out of %llu", c->name, index,
@@ -385,6 +386,8 @@ static hw_status unpack(const hw_container *c, const entry *e, const uint8_t *st
         return HW_OK;
     hw_free(*data);
     *data = NULL;
+    if (ZSTD_isError(got) && ZSTD_getErrorCode(got) == ZSTD_error_memory_allocation)
+        return hw_fail(HW_MEMORY, "%s: out of memory for a decompressor", c->name);
     return hw_fail(HW_FORMAT, "%s: chunk %c%c%c%c %u does not decompress", c->name, tag[0], tag[1],
                    tag[2], tag[3], e->number);
 }

@@ -9,6 +9,7 @@
 #define HW_CONTAINER_VERSION    1u
 #define HW_CONTAINER_CHUNKS_MAX 256u
 #define HW_CHUNK_BYTES_MAX      (UINT64_C(1) << 31)
+#define HW_FILE_NAME_BYTES      64u // room for the name of any file below its dataset
 #define HW_FOURCC(a, b, c, d)                                                                      \
     ((uint32_t)(a) | (uint32_t)(b) << 8 | (uint32_t)(c) << 16 | (uint32_t)(d) << 24)
 

@@ -46,6 +46,9 @@ static hw_status validate_head(const char *name, const hw_manifest *m)
     if (m->scene_triangles > WHOLE_MAX || m->mesh_bytes > WHOLE_MAX ||
         m->texture_bytes > WHOLE_MAX || m->near_bytes > WHOLE_MAX)
         return hw_fail(HW_FORMAT, "%s: a count of triangles or bytes is too large", name);
+    if (m->mesh_count > HW_MESH_FILES_MAX || m->texture_count > HW_MESH_FILES_MAX)
+        return hw_fail(HW_FORMAT, "%s: %u meshes, %u textures: too many", name, m->mesh_count,
+                       m->texture_count);
     if (!isfinite(g->origin_x) || !isfinite(g->origin_y) || !isfinite(g->cell_size) ||
         g->cell_size <= 0 || !isfinite(g->z_min) || !isfinite(g->z_max) || g->z_min > g->z_max ||
         g->columns < 1 || g->columns > HW_GRID_SIDE_MAX || g->rows < 1 ||
@@ -375,11 +378,16 @@ static hw_status get_cells(const char *name, const cJSON *json, hw_manifest *out
     return HW_OK;
 }
 
+static bool has(const cJSON *json, const char *member)
+{
+    return cJSON_GetObjectItemCaseSensitive(json, member) != NULL;
+}
+
 // "shard": [K, N] stands in the manifests of shards only, and with it how long the shard took.
 static hw_status get_shard(const char *name, const cJSON *json, hw_manifest *out)
 {
     double shard[2];
-    if (!cJSON_HasObjectItem(json, "shard"))
+    if (!has(json, "shard"))
         return HW_OK;
     HW_TRY(hw_json_numbers(name, json, "shard", shard, 2));
     for (int i = 0; i < 2; i++)
@@ -394,7 +402,7 @@ static hw_status get_shard(const char *name, const cJSON *json, hw_manifest *out
 static hw_status get_possible(const char *name, const cJSON *json, const char *member, bool *out)
 {
     *out = true;
-    return cJSON_HasObjectItem(json, member) ? hw_json_bool(name, json, member, out) : HW_OK;
+    return has(json, member) ? hw_json_bool(name, json, member, out) : HW_OK;
 }
 
 static hw_status get_head(const char *name, const cJSON *json, hw_manifest *out)
@@ -473,7 +481,7 @@ static hw_status write_seconds(const char *dataset, double seconds)
     HW_TRY(hw_path_join(&path, dataset, "build.json"));
     cJSON *json = cJSON_CreateObject();
     hw_json_add_number(json, "seconds", seconds);
-    hw_status status = cJSON_HasObjectItem(json, "seconds")
+    hw_status status = has(json, "seconds")
                            ? hw_json_write(path, json)
                            : hw_fail(HW_MEMORY, "%s: out of memory while writing", path);
     cJSON_Delete(json);
@@ -498,14 +506,13 @@ hw_status hw_manifest_read(const char *dataset, hw_manifest *out)
     cJSON *json = NULL;
     *out = (hw_manifest){0};
     HW_TRY(hw_path_join(&path, dataset, "manifest.json"));
-    if (!hw_path_exists(path)) {
+    status = hw_json_read(path, &json);
+    if (status == HW_NOT_FOUND)
         status =
             hw_fail(HW_NOT_FOUND, "%s: %s", dataset,
                     hw_path_exists(dataset) ? "not a finished dataset (it has no manifest.json)"
                                             : "no such dataset");
-        goto out;
-    }
-    HW_GO(hw_json_read(path, &json));
+    HW_GO(status);
     HW_GO(from_whole_json(path, json, out));
     status = read_seconds(dataset, &out->build_seconds);
     if (status != HW_OK)

@@ -8,6 +8,7 @@
 
 #define HW_MANIFEST_VERSION 2
 #define HW_SHARDS_MAX       1000000u
+#define HW_MESH_FILES_MAX   (1u << 24) // of a dataset, and as many textures
 
 typedef struct hw_manifest_object {
     uint32_t mesh_idx;

@@ -3,13 +3,11 @@
 #include "cell_file.h"
 #include "file.h"
 #include "hierarchy.h"
+#include "image_io.h"
 #include "log.h"
 #include "mesh_file.h"
 #include "parallel.h"
 #include "shard.h"
-#include <errno.h>
-#include <math.h>
-#include <stdio.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -29,7 +27,9 @@ typedef struct merge {
     hw_cell_id *ids;         // of all cells of the grid
     hw_manifest_cell *cells; // in the same order
     hw_progress *progress;
-    bool *copied; // per item: a file that was not there before
+    bool *copied;   // per item: a file that was not there before
+    bool finishing; // manifest.json is ours from now on, and
+    bool had_build; // build.json was there before
 } merge;
 
 // ---- what is there ---------------------------------------------------------------------------
@@ -183,7 +183,6 @@ static uint32_t item_count(const merge *m)
 static hw_status item_path(const merge *m, uint32_t item, const char *folder, char **out,
                            uint32_t *shard)
 {
-    char name[64];
     const hw_manifest *manifest = &m->parts[0].manifest;
     uint32_t index = item;
     if (item < m->cell_count) {
@@ -195,10 +194,7 @@ static hw_status item_path(const merge *m, uint32_t item, const char *folder, ch
     index -= is_mesh ? 0 : manifest->mesh_count;
     *shard = index % m->shard_count;
     folder = folder ? folder : m->shards[*shard]->folder;
-    if (is_mesh)
-        return hw_mesh_path(out, folder, index);
-    snprintf(name, sizeof name, "meshes/texture_%u.png", index);
-    return hw_path_join(out, folder, name);
+    return is_mesh ? hw_mesh_path(out, folder, index) : hw_texture_path(out, folder, index);
 }
 
 static hw_status check_mesh(const char *path, uint64_t key)
@@ -231,6 +227,14 @@ static hw_status check_cell(const char *path, uint64_t key, const hw_manifest_ce
     return HW_OK;
 }
 
+static hw_status check_texture(const char *path)
+{
+    hw_image image = {0};
+    HW_TRY(hw_image_read(path, &image));
+    hw_image_free(&image);
+    return HW_OK;
+}
+
 static hw_status check_item(void *context, uint64_t item, uint32_t thread)
 {
     (void)thread;
@@ -244,8 +248,8 @@ static hw_status check_item(void *context, uint64_t item, uint32_t thread)
         status = check_cell(path, key, &m->cells[item]);
     else if (item < m->cell_count + m->parts[0].manifest.mesh_count)
         status = check_mesh(path, key);
-    else if (!hw_path_exists(path))
-        status = hw_fail(HW_NOT_FOUND, "%s: is missing", path);
+    else
+        status = check_texture(path);
     hw_progress_add(m->progress, 1);
     hw_free(path);
     return status;
@@ -316,20 +320,29 @@ static hw_status make_folders(const merge *m, bool made[FOLDERS_MADE])
     return HW_OK;
 }
 
+static void remove_file(const char *folder, const char *name)
+{
+    char *path = NULL;
+    if (hw_path_join(&path, folder, name) != HW_OK)
+        return;
+    unlink(path);
+    hw_free(path);
+}
+
 // After a failure: takes away what this run has written.
 static void undo(const merge *m, const bool made[FOLDERS_MADE])
 {
     uint32_t shard, count = m->copied ? item_count(m) : 0;
     char *path = NULL;
+    if (m->finishing) // the manifest first: it makes the folder a dataset
+        remove_file(m->dataset, "manifest.json");
+    if (m->finishing && !m->had_build)
+        remove_file(m->dataset, "build.json");
     for (uint32_t i = 0; i < count; i++)
         if (m->copied[i] && item_path(m, i, m->dataset, &path, &shard) == HW_OK) {
             unlink(path);
             hw_free(path);
         }
-    if (made[0] && hw_path_join(&path, m->dataset, "build.json") == HW_OK) {
-        unlink(path);
-        hw_free(path);
-    }
     for (size_t i = FOLDERS_MADE; i-- > 0;)
         if (made[i] && hw_path_join(&path, m->dataset, folders_made[i]) == HW_OK) {
             rmdir(path);
@@ -339,8 +352,13 @@ static void undo(const merge *m, const bool made[FOLDERS_MADE])
 
 // ---- the whole -------------------------------------------------------------------------------
 
-static hw_status write_manifest(const merge *m, hw_merge_report *report)
+static hw_status write_manifest(merge *m, hw_merge_report *report)
 {
+    char *build = NULL;
+    HW_TRY(hw_path_join(&build, m->dataset, "build.json"));
+    m->had_build = hw_path_exists(build);
+    m->finishing = true;
+    hw_free(build);
     hw_manifest whole = m->shards[0]->manifest; // borrows
     whole.cells = m->cells;
     whole.cell_count = m->cell_count;

@@ -184,9 +184,26 @@ hw_status hw_mesh_file_decode(const hw_mesh_file *file, uint32_t level, const vo
     return status;
 }
 
+void hw_mesh_name(char out[HW_FILE_NAME_BYTES], uint32_t mesh_idx)
+{
+    snprintf(out, HW_FILE_NAME_BYTES, "meshes/%u.hxm", mesh_idx);
+}
+
 hw_status hw_mesh_path(char **out, const char *dataset, uint32_t mesh_idx)
 {
-    char name[32];
-    snprintf(name, sizeof name, "meshes/%u.hxm", mesh_idx);
+    char name[HW_FILE_NAME_BYTES];
+    hw_mesh_name(name, mesh_idx);
+    return hw_path_join(out, dataset, name);
+}
+
+void hw_texture_name(char out[HW_FILE_NAME_BYTES], uint32_t texture_idx)
+{
+    snprintf(out, HW_FILE_NAME_BYTES, "meshes/texture_%u.png", texture_idx);
+}
+
+hw_status hw_texture_path(char **out, const char *dataset, uint32_t texture_idx)
+{
+    char name[HW_FILE_NAME_BYTES];
+    hw_texture_name(name, texture_idx);
     return hw_path_join(out, dataset, name);
 }

@@ -60,5 +60,9 @@ void hw_mesh_file_level_place(const hw_mesh_file *file, uint32_t level, uint64_t
 HW_MUST_USE hw_status hw_mesh_file_decode(const hw_mesh_file *file, uint32_t level,
                                           const void *bytes, size_t size, hw_mesh *out,
                                           hw_inner_boxes *boxes);
-// "meshes/<index>.hxm" below the dataset folder.
+// "meshes/<index>.hxm": the name below a dataset, as a source takes it, and the path.
+void hw_mesh_name(char out[HW_FILE_NAME_BYTES], uint32_t mesh_idx);
 HW_MUST_USE hw_status hw_mesh_path(char **out, const char *dataset, uint32_t mesh_idx);
+// "meshes/texture_<index>.png", a texture of near meshes.
+void hw_texture_name(char out[HW_FILE_NAME_BYTES], uint32_t texture_idx);
+HW_MUST_USE hw_status hw_texture_path(char **out, const char *dataset, uint32_t texture_idx);

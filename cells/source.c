@@ -151,15 +151,20 @@ static void *work(void *argument)
     hw_source *s = argument;
     hw_request *r;
     void *connection = NULL;
+    char why[HW_ERROR_CAPACITY];
     hw_status connected = HW_OK;
     if (s->backend->connect)
         connected = s->backend->connect(&connection);
+    hw_error_save(why);
     pthread_mutex_lock(&s->mutex);
     while ((r = next_request(s))) {
         pthread_mutex_unlock(&s->mutex);
-        r->status = connected;
-        if (connected == HW_OK)
+        if (connected == HW_OK) {
             r->status = serve(s, connection, r);
+        } else {
+            hw_error_restore(why);
+            r->status = hw_fail_prefix(connected, r->path);
+        }
         if (r->status != HW_OK)
             hw_error_save(r->error);
         pthread_mutex_lock(&s->mutex);

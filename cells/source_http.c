@@ -16,6 +16,7 @@
 #define HTTP_PARTIAL  206L
 
 static pthread_once_t curl_once = PTHREAD_ONCE_INIT;
+static char load_error[256];
 
 // What is called of it.
 static struct {
@@ -50,6 +51,8 @@ static void load_curl(void)
                   find(library, "curl_easy_perform", &curl.perform) &&
                   find(library, "curl_easy_strerror", &curl.strerror) &&
                   curl.global_init(CURL_GLOBAL_DEFAULT) == CURLE_OK;
+    const char *reason = curl.loaded ? NULL : dlerror();
+    snprintf(load_error, sizeof load_error, "%s", reason ? reason : "it does not start");
 }
 
 // One attempt as curl's callbacks see it.
@@ -59,6 +62,7 @@ typedef struct transfer {
     uint64_t passed;                  // body bytes seen, those before a wanted range too
     uint64_t range_first, file_bytes; // of Content-Range
     bool has_range, sized;
+    bool complete; // all that is wanted is there, and more was to come: ended for that
     size_t capacity;
     double moved_ms;  // when bytes came last
     bool stalled;     // ended for that
@@ -115,21 +119,19 @@ static hw_status size_block(transfer *t)
     return HW_NEW(&f->block.data, t->capacity + 1);
 }
 
-static hw_status append(transfer *t, const uint8_t *data, size_t n)
+// Copies what is wanted of the next n bytes of the body.
+static hw_status copy_wanted(transfer *t, const uint8_t *data, size_t n)
 {
     hw_fetch *f = t->fetch;
     hw_block *b = &f->block;
     uint64_t start = response_code(t) == HTTP_PARTIAL ? 0 : f->offset;
     uint64_t skip = t->passed < start ? start - t->passed : 0;
-    t->passed += n;
     if (skip >= n)
         return HW_OK;
     data += skip;
     n -= (size_t)skip;
     if (f->size && n > t->capacity - b->size)
-        n = t->capacity - b->size; // what lies behind
-    if (n > HW_SOURCE_FILE_MAX - b->size)
-        return hw_fail(HW_LIMIT, "%s: it does not end", f->path);
+        n = t->capacity - b->size;   // what lies behind
     if (b->size + n > t->capacity) { // no Content-Length
         size_t grown = 2 * t->capacity > b->size + n ? 2 * t->capacity : b->size + n;
         HW_TRY(HW_RESIZE(&b->data, grown + 1));
@@ -138,6 +140,20 @@ static hw_status append(transfer *t, const uint8_t *data, size_t n)
     memcpy(b->data + b->size, data, n);
     b->size += n;
     b->data[b->size] = 0;
+    return HW_OK;
+}
+
+// A server that knows no ranges may go on for gigabytes behind what is wanted, or for ever.
+static hw_status append(transfer *t, const uint8_t *data, size_t n)
+{
+    hw_fetch *f = t->fetch;
+    HW_TRY(copy_wanted(t, data, n));
+    t->passed += n;
+    bool all = f->size && t->file_bytes && f->block.size == t->capacity;
+    uint64_t end = response_code(t) == HTTP_PARTIAL ? t->capacity : t->file_bytes;
+    t->complete = all && t->passed != end;
+    if (!t->complete && t->passed > HW_SOURCE_FILE_MAX)
+        return hw_fail(HW_LIMIT, "%s: it does not end", f->path);
     return HW_OK;
 }
 
@@ -155,7 +171,7 @@ static size_t take_body(char *data, size_t size, size_t count, void *context)
     if (t->status == HW_OK && !hw_fetch_pace(t->fetch, n))
         t->status = hw_fail(HW_INTERRUPTED, "%s: cancelled", t->fetch->path);
     t->moved_ms = hw_clock_ms();
-    return t->status == HW_OK ? n : 0;
+    return t->status == HW_OK && !t->complete ? n : 0;
 }
 
 static int watch(void *context, curl_off_t total, curl_off_t now, curl_off_t up, curl_off_t up_now)
@@ -238,13 +254,16 @@ static hw_status read_url(void *connection, hw_fetch *f)
         return t.status;
     if (atomic_load(f->cancelled))
         return hw_fail(HW_INTERRUPTED, "%s: cancelled", f->path);
-    if (code != CURLE_OK) {
+    // What the server says counts, even if the page that says so is cut off.
+    long answer = response_code(&t);
+    if (answer >= 400)
+        return fail_code(f, answer);
+    if (code != CURLE_OK && !t.complete) {
         f->again = code != CURLE_OUT_OF_MEMORY && code != CURLE_URL_MALFORMAT &&
                    code != CURLE_UNSUPPORTED_PROTOCOL && code != CURLE_TOO_MANY_REDIRECTS;
         return hw_fail(code == CURLE_OUT_OF_MEMORY ? HW_MEMORY : HW_IO, "%s: %s", f->path,
                        t.stalled ? "nothing came for too long" : curl.strerror(code));
     }
-    long answer = response_code(&t);
     if (answer != 200 && answer != HTTP_PARTIAL)
         return fail_code(f, answer);
     return check_length(&t);
@@ -254,7 +273,7 @@ static hw_status connect_curl(void **connection)
 {
     pthread_once(&curl_once, load_curl);
     if (!curl.loaded)
-        return hw_fail(HW_IO, "web servers need libcurl (libcurl.so.4), which cannot be loaded");
+        return hw_fail(HW_IO, "web servers need libcurl, which cannot be loaded: %s", load_error);
     *connection = curl.init();
     return *connection ? HW_OK : hw_fail(HW_MEMORY, "out of memory for a connection");
 }

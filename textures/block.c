@@ -52,9 +52,9 @@ static void expand_565(uint32_t c, uint8_t rgb[3])
     rgb[2] = (uint8_t)(b << 3 | b >> 2);
 }
 
-// The four colours of a block (EXT_texture_compression_s3tc): c0 > c1 gives two thirds in between,
-// else one half and black. Divisions of the 8-bit values truncate, as in Mesa's and Microsoft's
-// reference decoders.
+// The four colours of a block (EXT_texture_compression_s3tc): two thirds in between, whichever of
+// the two is the larger; a half and black there are in BC1 alone, not in BC3. Divisions of the
+// 8-bit values truncate, as in Mesa's and Microsoft's reference decoders.
 static void block_palette(const uint8_t *block, uint8_t palette[4][3])
 {
     uint32_t c0 = block[0] | (uint32_t)block[1] << 8, c1 = block[2] | (uint32_t)block[3] << 8;
@@ -62,8 +62,8 @@ static void block_palette(const uint8_t *block, uint8_t palette[4][3])
     expand_565(c1, palette[1]);
     for (int k = 0; k < 3; k++) {
         uint32_t a = palette[0][k], b = palette[1][k];
-        palette[2][k] = (uint8_t)(c0 > c1 ? (2 * a + b) / 3 : (a + b) / 2);
-        palette[3][k] = (uint8_t)(c0 > c1 ? (a + 2 * b) / 3 : 0);
+        palette[2][k] = (uint8_t)((2 * a + b) / 3);
+        palette[3][k] = (uint8_t)((a + 2 * b) / 3);
     }
 }
 

@@ -47,14 +47,3 @@ void hw_image_flip(hw_image *image)
     for (uint32_t y = 0; y < image->height / 2; y++)
         swap_bytes(image->data + y * row, image->data + (image->height - 1 - y) * row, row);
 }
-
-void hw_image_blit(hw_image *target, uint32_t x, uint32_t y, const hw_image *source)
-{
-    assert(target->channels == source->channels);
-    assert(source->width <= target->width && x <= target->width - source->width);
-    assert(source->height <= target->height && y <= target->height - source->height);
-    size_t row = (size_t)source->width * source->channels;
-    for (uint32_t i = 0; i < source->height; i++)
-        memcpy(target->data + ((size_t)(y + i) * target->width + x) * target->channels,
-               source->data + i * row, row);
-}

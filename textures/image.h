@@ -17,6 +17,3 @@ HW_MUST_USE hw_status hw_image_make(hw_image *out, uint32_t width, uint32_t heig
 void hw_image_free(hw_image *image);
 // Flips rows in place (GL reads bottom-up).
 void hw_image_flip(hw_image *image);
-// Copies source into target with its top-left at (x, y); both have the same channel count and
-// source fits.
-void hw_image_blit(hw_image *target, uint32_t x, uint32_t y, const hw_image *source);

@@ -300,6 +300,31 @@ static void devices_and_links_stay(void **state)
     assert_int_equal(info.st_mode & 0777, 0640);
 }
 
+// What a program that writes to /dev/stdout has printed into the same file stays.
+static void redirected_output_is_not_replaced(void **state)
+{
+    (void)state;
+    static const char *const names[] = {"/dev/stdout", "out", "./out"};
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        fflush(stdout);
+        int fd = open("out", O_WRONLY | O_CREAT | O_TRUNC, 0600), saved = dup(STDOUT_FILENO);
+        assert_true(fd >= 0 && saved >= 0);
+        dup2(fd, STDOUT_FILENO);
+        printf("before ");
+        hw_status status = put_text(names[i], "text");
+        printf(" after");
+        fflush(stdout);
+        dup2(saved, STDOUT_FILENO);
+        close(saved);
+        close(fd);
+        assert_int_equal(status, HW_OK);
+        assert_content("out", "before text after");
+        assert_int_equal(entries("."), 1);
+    }
+    assert_int_equal(put_text("out", "replaced"), HW_OK);
+    assert_content("out", "replaced");
+}
+
 static void leftovers_are_cleaned(void **state)
 {
     (void)state;
@@ -410,6 +435,7 @@ int main(void)
         IN_FOLDER(a_full_disk_keeps_the_old_file),
         IN_FOLDER(unwritable_outputs_are_named),
         IN_FOLDER(devices_and_links_stay),
+        IN_FOLDER(redirected_output_is_not_replaced),
         IN_FOLDER(leftovers_are_cleaned),
         IN_FOLDER(writers_use_names_that_the_cleaner_knows),
         IN_FOLDER(folders_are_made),

@@ -187,6 +187,21 @@ static void a_failed_write_is_told(void **state)
     cJSON_Delete(json);
 }
 
+// A park of a million objects has a manifest of hundreds of megabytes.
+static void large_files_are_read(void **state)
+{
+    (void)state;
+    static const char path[] = "json.large";
+    cJSON *json = NULL;
+    assert_int_equal(hw_file_write(path, "[1]", 3), HW_OK);
+    assert_int_equal(truncate(path, 300 << 20), 0); // zeros follow
+    assert_int_equal(hw_json_read(path, &json), HW_FORMAT);
+    assert_error_has(path, "line 1, column 4");
+    assert_int_equal(truncate(path, (off_t)1 << 31), 0);
+    assert_int_equal(hw_json_read(path, &json), HW_LIMIT);
+    assert_int_equal(unlink(path), 0);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -196,6 +211,7 @@ int main(void)
         cmocka_unit_test(every_prefix_is_malformed),
         cmocka_unit_test(documents_survive_the_disk),
         cmocka_unit_test(a_failed_write_is_told),
+        cmocka_unit_test(large_files_are_read),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -47,7 +47,7 @@ static hw_status work(void *context, uint64_t index, uint32_t thread)
 {
     (void)thread;
     hw_progress_add(context, 1);
-    hw_log_info("line %llu", (unsigned long long)index);
+    hw_log_warning("line %llu", (unsigned long long)index);
     return HW_OK;
 }
 
@@ -64,7 +64,7 @@ static void lines_are_written_whole(void **state)
     char *text = captured();
     char line[64];
     for (int i = 0; i < 500; i++) {
-        snprintf(line, sizeof line, "hexwalk: line %d\n", i);
+        snprintf(line, sizeof line, "hexwalk: warning: line %d\n", i);
         assert_non_null(strstr(text, line));
     }
     assert_non_null(strstr(text, "hexwalk: warning: careful\n"));
@@ -102,7 +102,6 @@ static void quiet_writes_nothing(void **state)
     assert_true(hw_log_quiet());
     assert_int_equal(hw_progress_create(&progress, "cells", 0), HW_OK);
     hw_progress_add(progress, 3);
-    hw_log_info("nothing");
     hw_log_warning("nothing");
     hw_progress_destroy(progress);
     hw_log_set_quiet(false);
@@ -127,7 +126,7 @@ static void terminals_get_a_bar(void **state)
     assert_int_equal(hw_progress_create(&progress, "cells", 4), HW_OK);
     usleep(150000); // beyond the least time between two drawings
     hw_progress_add(progress, 2);
-    hw_log_info("a line");
+    hw_log_warning("a line");
     hw_progress_destroy(progress);
     fflush(stderr);
     dup2(saved, STDERR_FILENO);
@@ -141,7 +140,7 @@ static void terminals_get_a_bar(void **state)
             break;
     close(master);
     assert_non_null(strstr(text, "cells [###############...............]  50 %  ETA 0:00"));
-    assert_non_null(strstr(text, "\r\033[Khexwalk: a line\r\n\r\033[Kcells ["));
+    assert_non_null(strstr(text, "\r\033[Khexwalk: warning: a line\r\n\r\033[Kcells ["));
     assert_non_null(strstr(text, "\r\033[Khexwalk: cells: 2 of 4 in 0:00\r\n"));
 }
 

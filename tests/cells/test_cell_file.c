@@ -193,6 +193,9 @@ static void test_path(void **state)
     must(hw_cell_path(&path, "/data/set", (hw_cell_id){1, 12, -3}));
     assert_string_equal(path, "/data/set/cells/1/12_-3.hxc");
     hw_free(path);
+    char name[HW_FILE_NAME_BYTES];
+    hw_cell_name(name, (hw_cell_id){INT32_MIN, INT32_MIN, INT32_MIN});
+    assert_string_equal(name, "cells/-2147483648/-2147483648_-2147483648.hxc");
 }
 
 // One broken invariant each. `writes` tells the value that is broken.
@@ -208,6 +211,10 @@ static void negative_level(hw_cell *c)
 static void near_level(hw_cell *c)
 {
     c->near[1].level = HW_MESH_LEVELS_MAX;
+}
+static void near_in_group(hw_cell *c)
+{
+    c->id.level = 1;
 }
 static void near_twice(hw_cell *c)
 {
@@ -372,6 +379,7 @@ static void test_validation(void **state)
                                  negative_level,
                                  near_level,
                                  near_twice,
+                                 near_in_group,
                                  face_six,
                                  nan_range,
                                  empty_range,
@@ -460,6 +468,20 @@ static void test_hostile_words(void **state)
         }
     }
     assert_true(refused > tried / 4);
+    hw_cell_chunks_free(&chunks);
+}
+
+static void test_unknown_flags(void **state)
+{
+    (void)state;
+    hw_cell cell;
+    hw_cell_chunks chunks = {0};
+    fixture_cell(&cell, 3, 4, 4);
+    must(hw_cell_to_chunks(&cell, &chunks));
+    hw_cell_free(&cell);
+    chunks.data[HW_CELL_CHUNK_FARS][92 + 6] = 2;
+    assert_int_equal(hw_cell_from_chunks("flags", 1, &chunks, &cell), HW_FORMAT);
+    assert_string_equal(hw_error_text(), "flags: far object 1: unknown flags 2");
     hw_cell_chunks_free(&chunks);
 }
 
@@ -636,6 +658,7 @@ int main(void)
         cmocka_unit_test(test_path),
         cmocka_unit_test(test_validation),
         cmocka_unit_test(test_hostile_words),
+        cmocka_unit_test(test_unknown_flags),
         cmocka_unit_test(test_truncated_chunks),
         cmocka_unit_test(test_version_and_kind),
         cmocka_unit_test(test_record_matrix),

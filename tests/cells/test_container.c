@@ -245,6 +245,25 @@ static void test_hostile_tables(void **state)
     hw_free(bytes);
 }
 
+// A last chunk of no bytes at all, which no frame is: refused before anyone asks for its bytes.
+static void test_chunk_of_no_bytes(void **state)
+{
+    (void)state;
+    size_t size = 0;
+    hw_container *c = NULL;
+    write_sample();
+    uint8_t *bytes = read_bytes(PATH, &size);
+    const size_t entry = 32 + 2 * 40;
+    hw_bytes_reader r = hw_bytes_reader_make(bytes + entry + 16, 8);
+    uint64_t stored = hw_get_u64(&r);
+    patch(bytes, 3, 24, size - stored, 8);
+    patch(bytes, 3, entry + 16, 0, 8);
+    hw_status status = hw_container_open_memory(&c, "cut", bytes, size - (size_t)stored, KIND);
+    assert_int_equal(status, HW_FORMAT);
+    assert_non_null(strstr(hw_error_text(), "cut: chunk 2"));
+    hw_free(bytes);
+}
+
 // A chunk may become many times larger, but a small file must not ask for gigabytes: the table is
 // checked, and what is written keeps within the check.
 static void test_extreme_ratios(void **state)
@@ -281,6 +300,7 @@ int main(void)
         cmocka_unit_test(test_failed_write_keeps_the_old_file),
         cmocka_unit_test(test_wrong_files),
         cmocka_unit_test(test_hostile_tables),
+        cmocka_unit_test(test_chunk_of_no_bytes),
         cmocka_unit_test(test_extreme_ratios),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

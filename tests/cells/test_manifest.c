@@ -10,6 +10,7 @@
 #include "checks.h"
 #include "json.h"
 #include "shard.h"
+#include <errno.h>
 
 #define FOLDER "manifest-set"
 #define PATH   FOLDER "/manifest.json"
@@ -123,7 +124,8 @@ static void test_possible_members(void **state)
         must(hw_manifest_read(FOLDER, &m));
         assert_false(m.clusters || m.multi_view);
         hw_manifest_free(&m);
-        member[1] = 'x';
+        // Under another name, or the same in another case.
+        member[1] = i ? 'x' : 'C';
         must(hw_manifest_parse("text", (const char *)text, size, &m));
         assert_int_equal(m.clusters, i == 0);
         assert_int_equal(m.multi_view, i == 1);
@@ -230,6 +232,8 @@ static void test_hostile_members(void **state)
         {NULL, "policy", "null"},
         {NULL, "mesh_count", "3"},
         {NULL, "mesh_count", "4294967296"},
+        {NULL, "mesh_count", "16777217"},
+        {NULL, "texture_count", "16777217"},
         {NULL, "texture_count", "1"},
         {NULL, "objects", "{}"},
         {NULL, "objects", "[1]"},
@@ -271,6 +275,7 @@ static void test_hostile_members(void **state)
         assert_int_equal(parse_changed(cases[i][0], cases[i][1], cases[i][2]), HW_FORMAT);
         assert_int_equal(parse_changed(cases[i][0], cases[i][1], NULL), HW_FORMAT);
     }
+    assert_int_equal(parse_changed(NULL, "mesh_count", "16777216"), HW_OK);
     assert_int_equal(parse_changed(NULL, "version", "2"), HW_OK);
     assert_int_equal(parse_changed(NULL, "version", NULL), HW_FORMAT);
     assert_int_equal(parse_changed(NULL, "version", "3"), HW_VERSION);
@@ -282,6 +287,12 @@ static void test_wrong_folders(void **state)
     (void)state;
     assert_int_equal(read_set("no-such-set"), HW_NOT_FOUND);
     assert_non_null(strstr(hw_error_text(), "no-such-set: no such dataset"));
+    // What cannot be looked at may well be there.
+    char long_name[300];
+    memset(long_name, 'x', sizeof long_name - 1);
+    long_name[sizeof long_name - 1] = 0;
+    assert_int_equal(read_set(long_name), HW_IO);
+    assert_non_null(strstr(hw_error_text(), strerror(ENAMETOOLONG)));
     must(hw_dir_make("empty-set"));
     assert_int_equal(read_set("empty-set"), HW_NOT_FOUND);
     assert_non_null(strstr(hw_error_text(), "empty-set: not a finished dataset"));

@@ -393,6 +393,9 @@ static void test_wrong_files(void **state)
     must(hw_mesh_path(&path, "set", 12));
     assert_string_equal(path, "set/meshes/12.hxm");
     hw_free(path);
+    must(hw_texture_path(&path, "set", UINT32_MAX));
+    assert_string_equal(path, "set/meshes/texture_4294967295.png");
+    hw_free(path);
 }
 
 // ---- from pieces of a file ----

@@ -11,6 +11,8 @@
 #include "web.h"
 
 #include <stdatomic.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
 
 #define FOLDER "source-files"
 #define SIZE   200000u
@@ -210,6 +212,32 @@ static void test_cancel_slow(void **state)
 
 // ---- a web server ----
 
+// Without file descriptors no library can be loaded. In a process of its own, before any other has
+// loaded it.
+static void test_no_curl(void **state)
+{
+    (void)state;
+    pid_t child = fork();
+    assert_true(child >= 0);
+    if (child == 0) {
+        const struct rlimit none = {0, 0};
+        bool named = true;
+        setrlimit(RLIMIT_NOFILE, &none); // first: threads load it as soon as they start
+        hw_source *source = open_source("http://127.0.0.1:1");
+        for (int i = 0; i < 2; i++) {
+            hw_block block;
+            hw_status status = hw_source_read(source, "a.hxc", 0, 0, &block);
+            const char *text = hw_error_text(), *path = "http://127.0.0.1:1/a.hxc: web servers";
+            named = named && status == HW_IO && strncmp(text, path, strlen(path)) == 0 &&
+                    strstr(text, "libcurl.so.4: cannot open");
+        }
+        _exit(named ? 0 : 1);
+    }
+    int result = 0;
+    assert_int_equal(waitpid(child, &result, 0), child);
+    assert_int_equal(result, 0);
+}
+
 static void test_web(void **state)
 {
     (void)state;
@@ -249,6 +277,9 @@ static void test_web_faults(void **state)
     web_misbehave(&w, WEB_GONE, -1);
     check_fails(source, "cells/a.hxc", 0, 0, HW_NOT_FOUND);
     assert_int_equal(w.requests, 1);
+    web_misbehave(&w, WEB_GONE_CUT, -1);
+    check_fails(source, "cells/a.hxc", 0, 0, HW_NOT_FOUND);
+    assert_int_equal(w.requests, 1);
     web_misbehave(&w, WEB_RANGE, -1);
     check_fails(source, "cells/a.hxc", 50000, 1000, HW_IO);
     web_misbehave(&w, WEB_NO_RANGE, -1);
@@ -257,6 +288,29 @@ static void test_web_faults(void **state)
     web_misbehave(&w, WEB_NO_LENGTH, -1);
     check_read(source, 0, 0, SIZE);
     assert_true(hw_source_get_stats(source).retries > 0);
+    hw_source_close(source);
+    web_close(&w);
+}
+
+// Nobody waits for the end of a body that goes on behind what is wanted.
+static void test_web_endless(void **state)
+{
+    (void)state;
+    web w;
+    hw_block block;
+    web_open(&w, FOLDER);
+    hw_source *source = open_source(w.location);
+    web_misbehave(&w, WEB_HUGE, -1);
+    must(hw_source_read(source, "cells/a.hxc", 50000, 1000, &block));
+    assert_int_equal(block.size, 1000);
+    assert_true(block.file_bytes == WEB_HUGE_BYTES);
+    assert_memory_equal(block.data, content + 50000, 1000);
+    hw_free(block.data);
+    check_fails(source, "cells/a.hxc", WEB_HUGE_BYTES / 2, 1000, HW_LIMIT);
+    check_fails(source, "cells/a.hxc", 0, 0, HW_LIMIT);
+    web_misbehave(&w, WEB_ENDLESS, -1);
+    check_fails(source, "cells/a.hxc", 50000, 1000, HW_LIMIT);
+    assert_int_equal(hw_source_get_stats(source).retries, 0);
     hw_source_close(source);
     web_close(&w);
 }
@@ -346,7 +400,8 @@ int main(void)
         cmocka_unit_test(test_folder),     cmocka_unit_test(test_unknown_scheme),
         cmocka_unit_test(test_many),       cmocka_unit_test(test_notify),
         cmocka_unit_test(test_bandwidth),  cmocka_unit_test(test_cancel_slow),
-        cmocka_unit_test(test_web),        cmocka_unit_test(test_web_faults),
+        cmocka_unit_test(test_no_curl),    cmocka_unit_test(test_web),
+        cmocka_unit_test(test_web_faults), cmocka_unit_test(test_web_endless),
         cmocka_unit_test(test_web_stall),  cmocka_unit_test(test_web_refused),
         cmocka_unit_test(test_cancel_web), cmocka_unit_test(test_manifest),
     };

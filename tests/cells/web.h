@@ -13,18 +13,23 @@
 
 typedef enum web_fault {
     WEB_FINE,
-    WEB_HANG_UP,  // closes without a word
-    WEB_BUSY,     // 503
-    WEB_GONE,     // 404
-    WEB_CUT,      // closes after half of the body
-    WEB_LONG,     // says more bytes than come
-    WEB_SHORT,    // sends half a body with a length that fits it: a file cut at the server
-    WEB_CORRUPT,  // one byte in the middle is another
-    WEB_NO_RANGE, // sends everything whatever was asked for
-    WEB_RANGE,    // another range than was asked for
-    WEB_SLOW,     // half a body, then nothing for as long as the client stands it
-    WEB_NO_LENGTH // does not say how long the body is
+    WEB_HANG_UP,   // closes without a word
+    WEB_BUSY,      // 503
+    WEB_GONE,      // 404
+    WEB_CUT,       // closes after half of the body
+    WEB_LONG,      // says more bytes than come
+    WEB_SHORT,     // sends half a body with a length that fits it: a file cut at the server
+    WEB_CORRUPT,   // one byte in the middle is another
+    WEB_NO_RANGE,  // sends everything whatever was asked for
+    WEB_RANGE,     // another range than was asked for
+    WEB_SLOW,      // half a body, then nothing for as long as the client stands it
+    WEB_NO_LENGTH, // does not say how long the body is
+    WEB_GONE_CUT,  // 404, but the page that says so is cut off
+    WEB_HUGE,      // knows no ranges, and the file has WEB_HUGE_BYTES
+    WEB_ENDLESS    // knows no ranges, says no length and does not end
 } web_fault;
+
+#define WEB_HUGE_BYTES (UINT64_C(1) << 40)
 
 typedef struct web {
     char folder[96], location[64];
@@ -35,16 +40,18 @@ typedef struct web {
     atomic_bool closing;
 } web;
 
-static void web_say(int to, const void *data, size_t size)
+// False once nobody listens any more.
+static bool web_say(int to, const void *data, size_t size)
 {
     const char *p = data;
     while (size > 0) {
         ssize_t sent = send(to, p, size, MSG_NOSIGNAL);
         if (sent <= 0)
-            return;
+            return false;
         p += sent;
         size -= (size_t)sent;
     }
+    return true;
 }
 
 static void web_error(int to, int code)
@@ -109,6 +116,27 @@ static void web_send(const web *w, int client, web_fault fault, uint8_t *data, s
         web_wait_for_end(w, client);
 }
 
+// The file and then anything, for as long as the other side takes it.
+static void web_send_on(const web *w, int client, web_fault fault, const uint8_t *data, size_t size)
+{
+    static const uint8_t more[1 << 16];
+    char head[128], length[64] = "";
+    if (fault == WEB_HUGE)
+        snprintf(length, sizeof length, "Content-Length: %llu\r\n",
+                 (unsigned long long)WEB_HUGE_BYTES);
+    snprintf(head, sizeof head, "HTTP/1.1 200 OK\r\nConnection: close\r\n%s\r\n", length);
+    web_say(client, head, strlen(head));
+    web_say(client, data, size);
+    while (!atomic_load(&w->closing) && web_say(client, more, sizeof more))
+        ;
+}
+
+static void web_gone_cut(int client)
+{
+    static const char page[] = "HTTP/1.1 404 No\r\nContent-Length: 600\r\n\r\nsor";
+    web_say(client, page, sizeof page - 1);
+}
+
 static void web_answer(web *w, int client)
 {
     char request[4096], path[512], name[256];
@@ -134,8 +162,12 @@ static void web_answer(web *w, int client)
         return;
     if (fault == WEB_BUSY || fault == WEB_GONE) {
         web_error(client, fault == WEB_BUSY ? 503 : 404);
+    } else if (fault == WEB_GONE_CUT) {
+        web_gone_cut(client);
     } else if (hw_file_read(path, 0, &data, &size) != HW_OK) {
         web_error(client, 404);
+    } else if (fault == WEB_HUGE || fault == WEB_ENDLESS) {
+        web_send_on(w, client, fault, data, size);
     } else if (first >= size && size > 0) {
         web_error(client, 416);
     } else {
