@@ -375,13 +375,6 @@ out:
     return status;
 }
 
-static hw_status texture_path(const build *b, int32_t texture_idx, char **out)
-{
-    char name[64];
-    snprintf(name, sizeof name, "meshes/texture_%d.png", texture_idx);
-    return hw_path_join(out, b->options->dataset, name);
-}
-
 static hw_status write_texture(build *b, uint32_t material_idx)
 {
     hw_status status = HW_OK;
@@ -393,7 +386,7 @@ static hw_status write_texture(build *b, uint32_t material_idx)
     int32_t texture_idx = b->texture_of_material[material_idx] = b->texture_count++;
     if (!owns(b, (uint32_t)texture_idx))
         return HW_OK;
-    HW_GO(texture_path(b, texture_idx, &path));
+    HW_GO(hw_texture_path(&path, b->options->dataset, (uint32_t)texture_idx));
     HW_GO(hw_image_write(path, &material->texture));
 out:
     hw_free(path);
@@ -624,7 +617,7 @@ static bool count_near(build *b, bool is_mesh, uint32_t index)
     hw_mesh_file *file = NULL;
     hw_reader *reader = NULL;
     bool good = (is_mesh ? hw_mesh_path(&path, b->options->dataset, index)
-                         : texture_path(b, (int32_t)index, &path)) == HW_OK;
+                         : hw_texture_path(&path, b->options->dataset, index)) == HW_OK;
     if (good && is_mesh)
         good = hw_mesh_file_open(&file, path) == HW_OK && hw_mesh_file_key(file) == b->key;
     if (good && hw_reader_open(&reader, path) == HW_OK)

@@ -6,7 +6,6 @@
 #include "mesh_file.h"
 #include "ring.h"
 #include "system.h"
-#include <inttypes.h>
 #include <math.h>
 #include <pthread.h>
 #include <semaphore.h>
@@ -21,7 +20,6 @@
 #define DISPOSALS_MAX  4096u
 #define PRIORITY_LOWER 10  // nice value of the thread
 #define CELL_RATIO     4.0 // bytes of a cell in memory per byte of its file, until more is seen
-#define NAME_CAPACITY  64u
 
 // A piece on its way.
 typedef struct job {
@@ -77,33 +75,26 @@ struct hw_loader {
 
 // ---- what is where ---------------------------------------------------------------------------
 
-static void name_of(const hw_loader *l, hw_data_key key, char out[NAME_CAPACITY])
+static void name_of(const hw_loader *l, hw_data_key key, char out[HW_FILE_NAME_BYTES])
 {
-    hw_cell_id id = {0};
-    switch (key.kind) {
-    case HW_DATA_CELL:
-        id = l->manifest->cells[key.index].id;
-        snprintf(out, NAME_CAPACITY, "cells/%" PRId32 "/%" PRId32 "_%" PRId32 ".hxc", id.level,
-                 id.q, id.r);
-        break;
-    case HW_DATA_TEXTURE:
-        snprintf(out, NAME_CAPACITY, "meshes/texture_%" PRIu32 ".png", key.index);
-        break;
-    default:
-        snprintf(out, NAME_CAPACITY, "meshes/%" PRIu32 ".hxm", key.index);
-    }
+    if (key.kind == HW_DATA_CELL)
+        hw_cell_name(out, l->manifest->cells[key.index].id);
+    else if (key.kind == HW_DATA_TEXTURE)
+        hw_texture_name(out, key.index);
+    else
+        hw_mesh_name(out, key.index);
 }
 
 static hw_status path_of(const hw_loader *l, hw_data_key key, char **out)
 {
-    char name[NAME_CAPACITY];
+    char name[HW_FILE_NAME_BYTES];
     name_of(l, key, name);
     return hw_path_join(out, hw_source_location(l->source), name);
 }
 
 static hw_status start_request(hw_loader *l, job *j)
 {
-    char name[NAME_CAPACITY];
+    char name[HW_FILE_NAME_BYTES];
     uint64_t offset = 0, size = 0;
     name_of(l, j->key, name);
     j->front =

@@ -119,11 +119,11 @@ static hw_status read_level(hw_source *source, const hw_obstacles_desc *desc, ui
                             double side, hw_mesh *out)
 {
     hw_status status = HW_OK;
-    char name[48];
+    char name[HW_FILE_NAME_BYTES];
     hw_block block = {0};
     hw_mesh_file *file = NULL;
     uint64_t offset, size;
-    snprintf(name, sizeof name, "meshes/%u.hxm", mesh_idx);
+    hw_mesh_name(name, mesh_idx);
     HW_TRY(read_block(source, desc, name, 0, HW_MESH_FRONT_BYTES, &block));
     HW_GO(hw_mesh_file_open_front(&file, name, block.data, block.size, block.file_bytes));
     uint32_t level = 0, count = hw_mesh_file_level_count(file);
