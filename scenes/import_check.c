@@ -36,9 +36,9 @@ static bool off_color(hw_words *w, hw_bytes_writer *out)
         return false;
     for (int k = 0; k < 4; k++) {
         char text[32];
-        int size = snprintf(text, sizeof text, " %.6f",
-                            k < n && whole ? fmin(c[k], 255) / 255 : fmin(c[k], 1));
-        hw_put_bytes(out, text, size > 0 ? (size_t)size : 0);
+        double most = k < n && whole ? 255 : 1;
+        int size = snprintf(text, sizeof text, " %.6f", fmin(fmax(c[k], 0), most) / most);
+        hw_put_bytes(out, text, size > 0 && (size_t)size < sizeof text ? (size_t)size : 0);
     }
     return true;
 }

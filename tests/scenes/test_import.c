@@ -345,6 +345,19 @@ static void test_off_oddities(void **state)
     assert_ok(hw_mesh_import("import_odd.off", &mesh));
     assert_true(mesh.colors[1].r == 51 && mesh.colors[1].g == 102 && mesh.colors[1].b == 255);
     hw_mesh_free(&mesh);
+    // Far out of range, on either side: as near as there is, and nothing else in the line.
+    save_text("import_odd.off", "COFF\n3 1 0\n0 0 0 -1e300 0 0\n1 0 0 0.0 -1e9 1e300\n"
+                                "0 1 0 1e300 0 51\n3 0 1 2");
+    assert_ok(hw_mesh_import("import_odd.off", &mesh));
+    assert_non_null(mesh.colors);
+    assert_int_equal(mesh.index_count, 3);
+    for (uint32_t i = 0; i < 3; i++) {
+        const hw_color8 *c = &mesh.colors[i];
+        int x = (int)mesh.positions[i].x, y = (int)mesh.positions[i].y;
+        assert_true(c->r == (y ? 255 : 0) && c->g == 0 && c->b == (x ? 255 : y ? 51 : 0));
+        assert_int_equal(c->a, 255);
+    }
+    hw_mesh_free(&mesh);
 }
 
 static double mesh_area(const hw_mesh *mesh)
