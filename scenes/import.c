@@ -309,26 +309,6 @@ static hw_status read_embedded(const importer *in, const struct aiTexture *t, hw
     return HW_OK;
 }
 
-static int hex_digit(char c)
-{
-    return c >= '0' && c <= '9'                 ? c - '0'
-           : (c | 32) >= 'a' && (c | 32) <= 'f' ? (c | 32) - 'a' + 10
-                                                : -1;
-}
-
-// Turns backslashes, and %20 and its like (glTF names files by URI), in place.
-static void decode_path(char *path, bool percent)
-{
-    char *to = path;
-    for (const char *from = path; *from; from++) {
-        bool escape = percent && *from == '%' && hex_digit(from[1]) >= 0 && hex_digit(from[2]) >= 0;
-        char c = escape ? (char)(hex_digit(from[1]) * 16 + hex_digit(from[2])) : *from;
-        from += escape ? 2 : 0;
-        *to++ = c == '\\' ? '/' : c;
-    }
-    *to = 0;
-}
-
 // Relative to the model's folder; failing that, the bare file name there.
 static hw_status read_external(const importer *in, const char *name, hw_image *out)
 {
@@ -336,7 +316,7 @@ static hw_status read_external(const importer *in, const char *name, hw_image *o
     char *dir = NULL, *local = NULL, *full = NULL;
     HW_GO(hw_path_dir(&dir, in->path));
     HW_GO(hw_strdup(&local, name));
-    decode_path(local, in->kind == HW_MODEL_GLTF);
+    hw_model_decode_path(local, in->kind == HW_MODEL_GLTF);
     HW_GO(hw_path_join(&full, dir, local));
     const char *slash = strrchr(local, '/');
     if (!hw_path_exists(full) && slash && slash[1]) {
@@ -568,7 +548,8 @@ static hw_status read_source(const char *path, const struct aiScene **out)
         return hw_fail(HW_IO, "%s: models need Assimp: %s", path, assimp.problem);
     }
     if (facts.text)
-        *out = assimp.import_memory(facts.text, (unsigned)facts.text_bytes, flags, "off");
+        *out = assimp.import_memory(facts.text, (unsigned)facts.text_bytes, flags,
+                                    hw_model_kind_of(path) == HW_MODEL_OFF ? "off" : "gltf");
     else
         *out = assimp.import_file(path, flags);
     hw_free(facts.text);

@@ -388,6 +388,25 @@ hw_status hw_check_3ds(const hw_model_bytes *file)
 
 // ---- All ----------------------------------------------------------------------------------------
 
+static int hex_digit(char c)
+{
+    return c >= '0' && c <= '9'                 ? c - '0'
+           : (c | 32) >= 'a' && (c | 32) <= 'f' ? (c | 32) - 'a' + 10
+                                                : -1;
+}
+
+void hw_model_decode_path(char *path, bool percent)
+{
+    char *to = path;
+    for (const char *from = path; *from; from++) {
+        bool escape = percent && *from == '%' && hex_digit(from[1]) >= 0 && hex_digit(from[2]) >= 0;
+        char c = escape ? (char)(hex_digit(from[1]) * 16 + hex_digit(from[2])) : *from;
+        from += escape ? 2 : 0;
+        *to++ = c == '\\' ? '/' : c;
+    }
+    *to = 0;
+}
+
 hw_model_kind hw_model_kind_of(const char *path)
 {
     static const struct {
@@ -408,7 +427,7 @@ static hw_status check_kind(const hw_model_bytes *file, hw_model_facts *facts)
 {
     switch (hw_model_kind_of(file->path)) {
     case HW_MODEL_GLTF:
-        return hw_check_gltf(file);
+        return hw_check_gltf(file, facts);
     case HW_MODEL_PLY:
         return hw_check_ply(file, facts);
     case HW_MODEL_OBJ:

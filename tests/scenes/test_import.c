@@ -234,6 +234,23 @@ static void save_triangle(const char *path, const char *rest)
     hw_bytes_writer_free(&json);
 }
 
+// The import fails with `expected` (any failure if HW_OK), names the file first, and the cause.
+static void expect_refused(const char *path, hw_status expected, const char *cause)
+{
+    hw_scene scene;
+    hw_mesh mesh;
+    hw_status status = hw_scene_import(path, &scene);
+    if (status == HW_OK)
+        fail_msg("%s was accepted", path);
+    if (expected != HW_OK && status != expected)
+        fail_msg("%s: %s", hw_status_text(status), hw_error_text());
+    if (strncmp(hw_error_text(), path, strlen(path)) != 0 || !strstr(hw_error_text(), cause))
+        fail_msg("\"%s\" does not name %s and the cause (%s)", hw_error_text(), path, cause);
+    assert_true(scene.object_count == 0 && scene.meshes == NULL);
+    assert_int_equal(hw_mesh_import(path, &mesh), status);
+    assert_null(mesh.positions);
+}
+
 // ---- Formats ------------------------------------------------------------------------------------
 
 static void assert_octahedron(const char *path)
@@ -493,6 +510,43 @@ static void test_gltf_instances(void **state)
     hw_scene_free(&scene);
 }
 
+static void test_gltf_extensions(void **state)
+{
+    (void)state;
+    save_triangle("import_ext.glb",
+                  "\"scenes\":[{\"nodes\":[0]}],\"meshes\":[{\"primitives\":[" PRIMITIVE
+                  "]}],\"nodes\":[{\"mesh\":0}],\"extensionsRequired\":[\"KHR_materials_unlit\","
+                  "\"KHR_lights_punctual\"]");
+    hw_mesh mesh;
+    assert_ok(hw_mesh_import("import_ext.glb", &mesh));
+    hw_mesh_free(&mesh);
+}
+
+static void test_gltf_buffer_names(void **state)
+{
+    (void)state;
+    // A buffer that is named by URI, beside one that is named as it is.
+    assert_ok(hw_dir_make("import_buffers"));
+    spill("import_buffers/the bin.bin", triangle.positions, sizeof triangle.positions);
+    spill("import_buffers/100%25.bin", triangle.indices, sizeof triangle.indices);
+    save_text(
+        "import_buffers/named.gltf",
+        "{\"asset\":{\"version\":\"2.0\"},\"scene\":0,\"scenes\":[{\"nodes\":[0]}],"
+        "\"nodes\":[{\"mesh\":0}],\"buffers\":[{\"byteLength\":36,\"uri\":\"the%20bin.bin\"},"
+        "{\"byteLength\":12,\"uri\":\"100%25.bin\"}],"
+        "\"bufferViews\":[{\"buffer\":0,\"byteLength\":36},{\"buffer\":1,\"byteLength\":12}],"
+        "\"accessors\":[{\"bufferView\":0,\"componentType\":5126,\"count\":3,\"type\":\"VEC3\"},"
+        "{\"bufferView\":1,\"componentType\":5125,\"count\":3,\"type\":\"SCALAR\"}],"
+        "\"meshes\":[{\"primitives\":[" PRIMITIVE "]}]}");
+    hw_mesh mesh;
+    assert_ok(hw_mesh_import("import_buffers/named.gltf", &mesh));
+    assert_int_equal(mesh.index_count, 3);
+    assert_close(hw_mesh_bounds(&mesh).max.z, 1, 0);
+    hw_mesh_free(&mesh);
+    assert_int_equal(unlink("import_buffers/the bin.bin"), 0);
+    expect_refused("import_buffers/named.gltf", HW_FORMAT, "the%20bin.bin is missing");
+}
+
 static void test_gltf_mirrors(void **state)
 {
     (void)state;
@@ -545,23 +599,6 @@ static void test_gltf_drops_other_primitives_vertices(void **state)
 }
 
 // ---- Bad input ----------------------------------------------------------------------------------
-
-// The import fails with `expected` (any failure if HW_OK), names the file first, and the cause.
-static void expect_refused(const char *path, hw_status expected, const char *cause)
-{
-    hw_scene scene;
-    hw_mesh mesh;
-    hw_status status = hw_scene_import(path, &scene);
-    if (status == HW_OK)
-        fail_msg("%s was accepted", path);
-    if (expected != HW_OK && status != expected)
-        fail_msg("%s: %s", hw_status_text(status), hw_error_text());
-    if (strncmp(hw_error_text(), path, strlen(path)) != 0 || !strstr(hw_error_text(), cause))
-        fail_msg("\"%s\" does not name %s and the cause (%s)", hw_error_text(), path, cause);
-    assert_true(scene.object_count == 0 && scene.meshes == NULL);
-    assert_int_equal(hw_mesh_import(path, &mesh), status);
-    assert_null(mesh.positions);
-}
 
 static void test_bad_files(void **state)
 {
@@ -679,6 +716,10 @@ static void test_bad_gltf(void **state)
     expect_refused_glb(SCENE "\"nodes\":[{\"mesh\":0}],"
                              "\"extensionsRequired\":[\"KHR_draco_mesh_compression\"]",
                        "KHR_draco_mesh_compression");
+    expect_refused_glb(SCENE "\"nodes\":[{\"mesh\":0}],\"extensionsRequired\":["
+                             "\"KHR_materials_unlit\",\"EXT_mesh_gpu_instancing\"]",
+                       "EXT_mesh_gpu_instancing");
+    expect_refused_glb(SCENE "\"nodes\":[{\"mesh\":0}],\"extensionsRequired\":[7]", "an extension");
     expect_refused_glb(SCENE "\"nodes\":[{\"mesh\":0}],\"images\":[{\"bufferView\":0,"
                              "\"mimeType\":\"picture\"}]",
                        "media type");
@@ -821,6 +862,8 @@ int main(void)
         cmocka_unit_test(test_obj_materials),
         cmocka_unit_test(test_gltf_turns_upright),
         cmocka_unit_test(test_gltf_instances),
+        cmocka_unit_test(test_gltf_extensions),
+        cmocka_unit_test(test_gltf_buffer_names),
         cmocka_unit_test(test_gltf_mirrors),
         cmocka_unit_test(test_gltf_drops_other_primitives_vertices),
         cmocka_unit_test(test_bad_files),
