@@ -412,7 +412,8 @@ static hw_status add_object(importer *in, uint32_t mesh_idx, uint32_t material_i
 {
     hw_scene *scene = in->scene;
     double d = determinant(&transform);
-    if (d == 0) {
+    hw_mat4 inverse;
+    if (d == 0 || !hw_mat4_inverse(transform, &inverse)) { // rounding may leave a little of 0
         hw_log_warning("%s: an object of mesh %s is scaled to nothing; it is left out", in->path,
                        scene->meshes[mesh_idx].name);
         return HW_OK;
@@ -476,10 +477,11 @@ static hw_status walk_node(importer *in, const struct aiNode *node, const hw_mat
 }
 
 // (x, y, z) -> (x, -z, y), a quarter turn about x: y up becomes z up. glTF files are y-up; 3DS
-// files are z-up, but Assimp turns them, so this turns them back.
+// files are z-up, but Assimp turns them, so this turns them back. A Collada file says which way is
+// up (y if it does not), and Assimp turns it y-up.
 static hw_mat4 upright(hw_model_kind kind)
 {
-    if (kind != HW_MODEL_GLTF && kind != HW_MODEL_3DS)
+    if (kind != HW_MODEL_GLTF && kind != HW_MODEL_3DS && kind != HW_MODEL_COLLADA)
         return hw_mat4_identity();
     return (hw_mat4){{1, 0, 0, 0, 0, 0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1}};
 }

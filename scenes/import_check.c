@@ -412,9 +412,9 @@ hw_model_kind hw_model_kind_of(const char *path)
     static const struct {
         const char *extension;
         hw_model_kind kind;
-    } table[] = {{"gltf", HW_MODEL_GLTF}, {"glb", HW_MODEL_GLTF}, {"ply", HW_MODEL_PLY},
-                 {"obj", HW_MODEL_OBJ},   {"off", HW_MODEL_OFF},  {"stl", HW_MODEL_STL},
-                 {"3ds", HW_MODEL_3DS}};
+    } table[] = {{"gltf", HW_MODEL_GLTF}, {"glb", HW_MODEL_GLTF},    {"ply", HW_MODEL_PLY},
+                 {"obj", HW_MODEL_OBJ},   {"off", HW_MODEL_OFF},     {"stl", HW_MODEL_STL},
+                 {"3ds", HW_MODEL_3DS},   {"dae", HW_MODEL_COLLADA}, {"zae", HW_MODEL_COLLADA}};
     const char *slash = strrchr(path, '/');
     const char *dot = strrchr(slash ? slash : path, '.');
     for (size_t i = 0; dot && i < sizeof table / sizeof *table; i++)
@@ -438,6 +438,7 @@ static hw_status check_kind(const hw_model_bytes *file, hw_model_facts *facts)
         return hw_check_stl(file, facts);
     case HW_MODEL_3DS:
         return hw_check_3ds(file);
+    case HW_MODEL_COLLADA:
     case HW_MODEL_OTHER:
         break;
     }

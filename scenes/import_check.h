@@ -13,7 +13,8 @@ typedef enum hw_model_kind {
     HW_MODEL_OFF,
     HW_MODEL_STL,
     HW_MODEL_3DS,
-    HW_MODEL_OTHER // left to Assimp
+    HW_MODEL_COLLADA, // left to Assimp
+    HW_MODEL_OTHER    // left to Assimp
 } hw_model_kind;
 
 // By the file name's extension.

@@ -414,6 +414,51 @@ static void test_polygons(void **state)
     assert_int_equal(hw_mesh_import("import_round.obj", &mesh), HW_LIMIT);
 }
 
+// A triangle that is 1 wide, 2 deep and 3 high for who reads x, y, z as right, back and up.
+static void save_collada(const char *path, const char *asset)
+{
+    hw_bytes_writer w = {0};
+    put_text(&w, "<?xml version=\"1.0\"?>\n<COLLADA version=\"1.4.1\" "
+                 "xmlns=\"http://www.collada.org/2005/11/COLLADASchema\">\n<asset>");
+    put_text(&w, asset);
+    put_text(&w, "</asset><library_geometries><geometry id=\"g\"><mesh><source id=\"p\">"
+                 "<float_array id=\"a\" count=\"9\">0 0 0 1 0 0 0 2 3</float_array>"
+                 "<technique_common><accessor source=\"#a\" count=\"3\" stride=\"3\">");
+    put_text(&w, "<param name=\"X\" type=\"float\"/><param name=\"Y\" type=\"float\"/>"
+                 "<param name=\"Z\" type=\"float\"/></accessor></technique_common></source>"
+                 "<vertices id=\"v\"><input semantic=\"POSITION\" source=\"#p\"/></vertices>");
+    put_text(&w, "<triangles count=\"1\"><input semantic=\"VERTEX\" source=\"#v\" offset=\"0\"/>"
+                 "<p>0 1 2</p></triangles></mesh></geometry></library_geometries>"
+                 "<library_visual_scenes><visual_scene id=\"s\"><node id=\"n\">");
+    put_text(&w, "<instance_geometry url=\"#g\"/></node></visual_scene></library_visual_scenes>"
+                 "<scene><instance_visual_scene url=\"#s\"/></scene></COLLADA>\n");
+    save(&w, path);
+}
+
+static void test_collada_stands_as_it_says(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *asset;
+        float min[3], max[3];
+    } cases[] = {{"<up_axis>Z_UP</up_axis>", {0, 0, 0}, {1, 2, 3}},
+                 {"<up_axis>Y_UP</up_axis>", {0, -3, 0}, {1, 0, 2}},
+                 {"", {0, -3, 0}, {1, 0, 2}}};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        hw_mesh mesh;
+        save_collada("import_a.dae", cases[i].asset);
+        assert_ok(hw_mesh_import("import_a.dae", &mesh));
+        hw_box box = hw_mesh_bounds(&mesh);
+        const float min[3] = {box.min.x, box.min.y, box.min.z};
+        const float max[3] = {box.max.x, box.max.y, box.max.z};
+        for (int k = 0; k < 3; k++) {
+            assert_close(min[k], cases[i].min[k], 1e-6);
+            assert_close(max[k], cases[i].max[k], 1e-6);
+        }
+        hw_mesh_free(&mesh);
+    }
+}
+
 // ---- Materials ----------------------------------------------------------------------------------
 
 static void test_obj_materials(void **state)
@@ -507,6 +552,34 @@ static void test_gltf_instances(void **state)
     assert_close(scene.ground.rect.max.y, 2, 1e-5);
     assert_close(scene.ground.rect.max.z, scene.ground.rect.min.z, 0);
     assert_close(scene.ground.color[1], 0.25, 0);
+    hw_scene_free(&scene);
+}
+
+static void test_gltf_flattened(void **state)
+{
+    (void)state;
+    // Turned, flattened, turned again: flat, yet no row and no column of the product is 0, and with
+    // some turns rounding leaves a little of the determinant.
+    hw_bytes_writer rest = {0};
+    put_text(&rest, "\"scenes\":[{\"nodes\":[0,1");
+    for (int i = 1; i < 20; i++)
+        put_format(&rest, ",%d", 1 + 3 * i);
+    put_text(&rest, "]}],\"meshes\":[{\"primitives\":[" PRIMITIVE "]}],\"nodes\":[{\"mesh\":0}");
+    for (int i = 0; i < 20; i++) {
+        double a = 0.3 + 0.1 * i, b = 1.1 + 0.17 * i;
+        put_format(&rest, ",{\"rotation\":[%.7f,%.7f,0,0.8],\"children\":[%d]}", 0.6 * sin(a),
+                   0.6 * cos(a), 2 + 3 * i);
+        put_format(&rest, ",{\"scale\":[1,0,1],\"children\":[%d]}", 3 + 3 * i);
+        put_format(&rest, ",{\"rotation\":[0,%.7f,%.7f,0.6],\"mesh\":0}", 0.8 * sin(b),
+                   0.8 * cos(b));
+    }
+    put_text(&rest, "]");
+    hw_put_u8(&rest, 0);
+    save_triangle("import_flattened.glb", (const char *)rest.data);
+    hw_bytes_writer_free(&rest);
+    hw_scene scene;
+    assert_ok(hw_scene_import("import_flattened.glb", &scene));
+    assert_int_equal(scene.object_count, 1);
     hw_scene_free(&scene);
 }
 
@@ -856,12 +929,14 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_formats),
         cmocka_unit_test(test_3ds_stands_as_in_the_file),
+        cmocka_unit_test(test_collada_stands_as_it_says),
         cmocka_unit_test(test_ply_colors),
         cmocka_unit_test(test_off_oddities),
         cmocka_unit_test(test_polygons),
         cmocka_unit_test(test_obj_materials),
         cmocka_unit_test(test_gltf_turns_upright),
         cmocka_unit_test(test_gltf_instances),
+        cmocka_unit_test(test_gltf_flattened),
         cmocka_unit_test(test_gltf_extensions),
         cmocka_unit_test(test_gltf_buffer_names),
         cmocka_unit_test(test_gltf_mirrors),
