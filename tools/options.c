@@ -177,7 +177,7 @@ static double unit_bytes(const char *unit)
 {
     static const char letters[] = "KMGT";
     double bytes = 1;
-    const char *letter = *unit ? strchr(letters, *unit & ~0x20) : NULL; // in lower case too
+    const char *letter = *unit > ' ' ? strchr(letters, *unit & ~0x20) : NULL; // in lower case
     if (letter) {
         bool binary = unit[1] == 'i';
         unit += binary ? 2 : 1;

@@ -227,6 +227,12 @@ static void bytes_have_units(void **state)
         snprintf(line, sizeof line, "in --bytes %s", bad[i]);
         assert_usage(line, "--bytes: ");
     }
+    // A blank is no unit; parse() splits at blanks.
+    static const char *const blank[] = {"512 B", "512 ", "512 M", "5\t"};
+    for (size_t i = 0; i < sizeof blank / sizeof *blank; i++) {
+        const char *argv[] = {"in", "--bytes", blank[i]};
+        assert_int_equal(hw_options_parse(&command, 3, argv, &positional, &help), HW_USAGE);
+    }
 }
 
 static void help_and_quiet(void **state)
