@@ -237,6 +237,16 @@ check_outputs() {
     expect 1 'kept' build tetra.off -o kept
     start check_full_stdout
     start check_full_disk
+    start check_closed_descriptors
+}
+
+# A closed standard descriptor is taken at once, so that no file gets its number: /dev/stderr is
+# there. Yet printing to a closed output fails as ever.
+check_closed_descriptors() {
+    "$hexwalk" info tetra.off --json /dev/stderr >"$1.out" 2>&- ||
+        fail "$1" 'with standard error closed, its descriptor is free for files'
+    "$hexwalk" help 2>"$1.err" >&-
+    [[ $? -eq 1 ]] && grep -q 'standard output' "$1.err" || fail "$1" 'hexwalk help >&-'
 }
 
 # A full disk behind a redirection is a failure too.
