@@ -4,6 +4,7 @@
 #include "json.h"
 #include "measures.h"
 #include "options.h"
+#include "outputs.h"
 #include <stdlib.h>
 #include <string.h>
 
@@ -162,6 +163,13 @@ static void print_table(const hw_mesh meshes[2], const hw_measures *m, float sca
 
 // -------------------------------------------------------------------------------------------------
 
+static hw_status check_outputs(const char *const *argv)
+{
+    HW_TRY(hw_output_extension("heatmap", options.heatmap, ".ply"));
+    HW_TRY(hw_output_apart("heatmap", options.heatmap, 2, argv));
+    return hw_output_apart("json", options.json, 2, argv);
+}
+
 static hw_status run(int argc, const char *const *argv)
 {
     (void)argc;
@@ -175,6 +183,7 @@ static hw_status run(int argc, const char *const *argv)
                                           .seed = options.seed,
                                           .threads = (uint32_t)options.threads},
                              .no_images = options.no_images};
+    HW_TRY(check_outputs(argv));
     for (int i = 0; i < 2; i++)
         HW_GO(hw_mesh_import(argv[i], &meshes[i]));
     for (int i = 0; i < 2; i++)

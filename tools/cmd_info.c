@@ -10,6 +10,7 @@
 #include "map.h"
 #include "mesh_file.h"
 #include "options.h"
+#include "outputs.h"
 #include "progressive_file.h"
 #include "tour.h"
 #include <math.h>
@@ -406,12 +407,6 @@ static hw_status describe_tour(const char *path, cJSON *json)
 
 // --- What kind of thing a path is ---------------------------------------------------------------
 
-static bool has_extension(const char *path, const char *extension)
-{
-    size_t a = strlen(path), b = strlen(extension);
-    return a > b && !strcmp(path + a - b, extension);
-}
-
 // The file type that the first four bytes tell; 0 if there are fewer.
 static hw_status read_magic(const char *path, uint32_t *magic)
 {
@@ -438,13 +433,14 @@ static hw_status describe(const char *path, cJSON *json)
     if (map_file)
         return hw_fail(HW_USAGE, "--map is for datasets, and %s is none", path);
     HW_TRY(read_magic(path, &magic));
-    if (magic == HW_CELL_MAGIC || has_extension(path, ".hxc"))
+    if (magic == HW_CELL_MAGIC || hw_path_ends_with(path, ".hxc"))
         return describe_cell(path, json);
-    if (magic == HW_MESH_MAGIC || has_extension(path, ".hxm"))
+    if (magic == HW_MESH_MAGIC || hw_path_ends_with(path, ".hxm"))
         return describe_mesh(path, json);
-    if (magic == HW_PROGRESSIVE_MAGIC || has_extension(path, ".hxp"))
+    if (magic == HW_PROGRESSIVE_MAGIC || hw_path_ends_with(path, ".hxp"))
         return describe_progressive(path, json);
-    return has_extension(path, ".json") ? describe_tour(path, json) : describe_scene(path, json);
+    return hw_path_ends_with(path, ".json") ? describe_tour(path, json)
+                                            : describe_scene(path, json);
 }
 
 // --- Printing -----------------------------------------------------------------------------------
@@ -541,9 +537,19 @@ static void print_report(const cJSON *json)
     }
 }
 
+static hw_status check_options(const char *const *argv)
+{
+    static const char *const of_map[] = {"map-by", "map-side", NULL};
+    if (!map_file)
+        HW_TRY(hw_options_refuse(&hw_cmd_info, of_map, "is about --map"));
+    HW_TRY(hw_output_apart("json", json_file, 1, argv));
+    return hw_output_apart("map", map_file, 1, argv);
+}
+
 static hw_status run(int argc, const char *const *argv)
 {
     (void)argc;
+    HW_TRY(check_options(argv));
     cJSON *json = cJSON_CreateObject();
     if (!json)
         return hw_fail(HW_MEMORY, "out of memory");

@@ -132,6 +132,8 @@ EOF
     mkdir folder
     echo '{"version": 99}' >folder/manifest.json
     mkdir bare
+    ln -s tetra.off link.off
+    md5sum tetra.* >sums
     echo '{"fov_degrees": 60, "frames": []}' >none.json
     echo '{"fov_degrees": 60, "frames": [{"t": 0, "eye": [0, 0, 12], "forward": [1, 0, 0], "up": [0, 0, 1]}]}' >one.json
 }
@@ -166,6 +168,21 @@ check_usage() {
     expect 2 'help measure' measure data --tour one.json
     expect 2 'help park' park --preset 8m
     expect 2 'help park' park --preset 9m --statues bare -o park.glb
+    expect 2 '--output park.obj: .*.glb' park --preset demo --statues bare -o park.obj
+    # What would be without effect, and what would write over what is read.
+    expect 2 '--every is about --along' build tetra.off -o data --every 1
+    expect 2 '--cluster-error is about --clusters on' build tetra.off -o data --cluster-error 3
+    expect 2 '--map-by is about --map' info tetra.off --map-by bytes
+    expect 2 '--map-side is about --map' info tetra.off --map-side 1200
+    expect 2 '--heatmap heat.obj: .*.ply' compare tetra.off tetra.ply --heatmap heat.obj
+    expect 2 'file to be read' compare tetra.off tetra.ply --heatmap tetra.ply
+    expect 2 'file to be read' compare tetra.off tetra.ply --json tetra.off
+    expect 2 'file to be read' tour tetra.off -o bare/../tetra.off
+    expect 2 'file to be read' tour tetra.off -o result.json --json tetra.off
+    expect 2 'file to be read' info tetra.off --json link.off
+    expect 2 'file to be read' build tetra.off -o data --json tetra.off
+    expect 2 'file to be read' simplify tetra.off -o small.ply --faces 2 --json tetra.off
+    expect 2 'file to be read' measure data --tour one.json -o report --json one.json
 }
 
 check_help() {
@@ -281,6 +298,7 @@ check_datasets
 check_outputs
 wait
 unchanged kept kept
+md5sum --quiet -c sums || fail checks/0 'an input was changed'
 unchanged tour.json earlier
 no_leftovers
 grep -q '"triangles":[[:space:]]*4' info.json || fail checks/0 'info.json lacks the triangles'

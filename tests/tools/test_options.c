@@ -235,6 +235,19 @@ static void bytes_have_units(void **state)
     }
 }
 
+static void given_options_are_known(void **state)
+{
+    (void)state;
+    static const char *const names[] = {"size", "count", "flag", NULL};
+    assert_int_equal(parse(&command, "in --count 4 --ratio 0.5"), HW_OK);
+    assert_true(hw_option_given(&command, "count")); // the default, yet given
+    assert_false(hw_option_given(&command, "size") || hw_option_given(&command, "nothing"));
+    assert_int_equal(hw_options_refuse(&command, names, "goes with --ratio"), HW_USAGE);
+    assert_string_equal(hw_error_text(), "--count goes with --ratio");
+    assert_int_equal(parse(&command, "in -o --flag -- --count"), HW_OK);
+    assert_int_equal(hw_options_refuse(&command, names, "goes with --ratio"), HW_OK);
+}
+
 static void help_and_quiet(void **state)
 {
     (void)state;
@@ -332,7 +345,7 @@ int main(void)
         FRESH(wrong_usage_is_named),      FRESH(bad_numbers_are_named),
         FRESH(bytes_have_units),          FRESH(help_and_quiet),
         FRESH(help_comes_from_the_table), FRESH(the_man_page_is_sound_roff),
-        FRESH(values_become_json),
+        FRESH(values_become_json),        FRESH(given_options_are_known),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
