@@ -314,7 +314,7 @@ static hw_status try_memory_of(hw_report *r, hw_config config, bool prefetch, ui
     hw_status status = measure_memory_of(r, config, prefetch, out);
     if (status == HW_OK || status == HW_MEMORY)
         return status;
-    return hw_report_note(r, "The process memory of configuration %s%s is unknown: %s.",
+    return hw_report_warn(r, "The process memory of configuration %s%s is unknown: %s.",
                           hw_config_name(config), prefetch ? " with prefetching" : "",
                           hw_error_text());
 }

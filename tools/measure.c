@@ -439,7 +439,7 @@ static hw_status measure_streaming(measurer *m)
         return status;
     // All else is known.
     hw_streaming_free(&m->report->streaming);
-    return hw_report_note(m->report, "Streaming could not be measured: %s.", hw_error_text());
+    return hw_report_warn(m->report, "Streaming could not be measured: %s.", hw_error_text());
 }
 
 hw_status hw_measure_run(const hw_measure_desc *desc, hw_report *report)

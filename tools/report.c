@@ -3,10 +3,13 @@
 #include "bytes.h"
 #include "file.h"
 #include "json.h"
+#include "log.h"
 #include <math.h>
 #include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
+
+#define NOTE_CAPACITY 512
 
 void hw_report_free(hw_report *report)
 {
@@ -43,18 +46,34 @@ hw_status hw_report_make_samples(hw_report *report, uint32_t frame_count)
     return HW_OK;
 }
 
-hw_status hw_report_note(hw_report *report, const char *format, ...)
+static hw_status add_note(hw_report *report, const char *text)
 {
-    char text[512];
-    va_list arguments;
     if (report->note_count == HW_REPORT_NOTES)
         return HW_OK;
-    va_start(arguments, format);
-    vsnprintf(text, sizeof text, format, arguments);
-    va_end(arguments);
     HW_TRY(hw_strdup(&report->notes[report->note_count], text));
     report->note_count++;
     return HW_OK;
+}
+
+hw_status hw_report_note(hw_report *report, const char *format, ...)
+{
+    char text[NOTE_CAPACITY];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    return add_note(report, text);
+}
+
+hw_status hw_report_warn(hw_report *report, const char *format, ...)
+{
+    char text[NOTE_CAPACITY];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    hw_log_warning("%s", text);
+    return add_note(report, text);
 }
 
 const char *hw_metric_name(hw_metric metric)

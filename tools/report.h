@@ -104,6 +104,8 @@ void hw_report_free(hw_report *report);
 HW_MUST_USE hw_status hw_report_make_samples(hw_report *report, uint32_t frame_count);
 // Adds a sentence; those beyond HW_REPORT_NOTES are dropped.
 HW_MUST_USE hw_status hw_report_note(hw_report *report, const char *format, ...) HW_PRINTF(2, 3);
+// The same for what went wrong: it is a warning too.
+HW_MUST_USE hw_status hw_report_warn(hw_report *report, const char *format, ...) HW_PRINTF(2, 3);
 // The column name of a metric.
 const char *hw_metric_name(hw_metric metric);
 // Mean, median, nearest-rank p99, ... of values[i * stride], i < count.

@@ -293,7 +293,7 @@ static void put_pops(hw_bytes_writer *w, const hw_report *r)
     const hw_pop_summaries *s = &r->pop_summaries;
     char a[HW_FIGURE_CAPACITY], b[HW_FIGURE_CAPACITY], d[HW_FIGURE_CAPACITY];
     if (r->pops.count == 0) {
-        put_fact(w, "Pop at a cell crossing", "the tour stays in one cell");
+        put_fact(w, "Pop at a cell crossing", "no crossing between cells that the dataset has");
         return;
     }
     put_fact(w, "Pop at a cell crossing", "mean %s, most %s luma RMS, of %u crossings",
