@@ -1,5 +1,6 @@
 // hexwalk info: what is in a scene, dataset, cell, mesh, progressive mesh or tour. One JSON object
 // serves both the file and what is printed.
+#include "alloc.h"
 #include "bytes.h"
 #include "cell_chunks.h"
 #include "file.h"
@@ -68,24 +69,27 @@ static void add_file_bytes(cJSON *json, const char *path)
         add_integer(json, "file_bytes", (uint64_t)info.st_size);
 }
 
-static void add_mesh_rows(cJSON *json, const hw_scene *scene)
+static hw_status add_mesh_rows(cJSON *json, const hw_scene *scene)
 {
+    uint32_t *uses;
+    HW_TRY(HW_NEW(&uses, scene->mesh_count));
+    for (uint32_t i = 0; i < scene->object_count; i++)
+        uses[scene->objects[i].mesh_idx]++;
     cJSON *rows = cJSON_AddArrayToObject(json, "mesh_list");
     for (uint32_t i = 0; i < scene->mesh_count; i++) {
         const hw_mesh *mesh = &scene->meshes[i];
-        uint64_t uses = 0;
-        for (uint32_t k = 0; k < scene->object_count; k++)
-            uses += scene->objects[k].mesh_idx == i;
         cJSON *row = cJSON_CreateObject();
         cJSON_AddItemToArray(rows, row);
         cJSON_AddStringToObject(row, "name", mesh->name && *mesh->name ? mesh->name : "-");
         add_integer(row, "vertices", mesh->vertex_count);
         add_integer(row, "triangles", mesh->index_count / 3);
-        add_integer(row, "objects", uses);
+        add_integer(row, "objects", uses[i]);
         cJSON_AddBoolToObject(row, "normals", mesh->normals != NULL);
         cJSON_AddBoolToObject(row, "colors", mesh->colors != NULL);
         cJSON_AddBoolToObject(row, "uvs", mesh->uvs != NULL);
     }
+    hw_free(uses);
+    return HW_OK;
 }
 
 static hw_status describe_scene(const char *path, cJSON *json)
@@ -107,9 +111,9 @@ static hw_status describe_scene(const char *path, cJSON *json)
     add_vector(json, "bounds_min", bounds.min);
     add_vector(json, "bounds_max", bounds.max);
     add_hex(json, "hash", hw_scene_hash(&scene));
-    add_mesh_rows(json, &scene);
+    hw_status status = add_mesh_rows(json, &scene);
     hw_scene_free(&scene);
-    return HW_OK;
+    return status;
 }
 
 static hw_status draw_map(const char *path, const hw_manifest *m, cJSON *json)
