@@ -80,7 +80,7 @@ static hw_status add_mesh_rows(cJSON *json, const hw_scene *scene)
         const hw_mesh *mesh = &scene->meshes[i];
         cJSON *row = cJSON_CreateObject();
         cJSON_AddItemToArray(rows, row);
-        cJSON_AddStringToObject(row, "name", mesh->name && *mesh->name ? mesh->name : "-");
+        hw_json_add_string(row, "name", mesh->name && *mesh->name ? mesh->name : "-");
         add_integer(row, "vertices", mesh->vertex_count);
         add_integer(row, "triangles", mesh->index_count / 3);
         add_integer(row, "objects", uses[i]);
@@ -125,7 +125,7 @@ static hw_status draw_map(const char *path, const hw_manifest *m, cJSON *json)
         status = hw_image_write(map_file, &image);
     hw_image_free(&image);
     HW_TRY(status);
-    cJSON_AddStringToObject(json, "map", map_file);
+    hw_json_add_string(json, "map", map_file);
     cJSON_AddStringToObject(json, "map_by", map_by);
     hw_json_add_number(json, "map_darkest", legend.least);
     hw_json_add_number(json, "map_mean", legend.mean);
@@ -144,7 +144,7 @@ static hw_status describe_dataset(const char *path, cJSON *json)
     for (uint32_t i = 0; i < m.cell_count; i++)
         cell_bytes += m.cells[i].bytes;
     cJSON_AddStringToObject(json, "kind", "dataset");
-    cJSON_AddStringToObject(json, "scene", m.scene_path ? m.scene_path : "");
+    hw_json_add_string(json, "scene", m.scene_path ? m.scene_path : "");
     add_integer(json, "scene_triangles", m.scene_triangles);
     add_integer(json, "objects", m.object_count);
     add_integer(json, "meshes", m.mesh_count);
@@ -160,7 +160,7 @@ static hw_status describe_dataset(const char *path, cJSON *json)
     add_integer(json, "mesh_bytes", m.mesh_bytes);
     add_integer(json, "texture_bytes", m.texture_bytes);
     add_integer(json, "near_bytes", m.near_bytes);
-    cJSON_AddStringToObject(json, "policy", m.policy ? m.policy : "");
+    hw_json_add_string(json, "policy", m.policy ? m.policy : "");
     hw_json_add_number(json, "self_occlusion_px", m.self_occlusion_px);
     hw_json_add_number(json, "edge_length_px", m.edge_length_px);
     hw_json_add_number(json, "near_error_px", m.near_error_px);
@@ -557,7 +557,7 @@ static hw_status run(int argc, const char *const *argv)
     cJSON *json = cJSON_CreateObject();
     if (!json)
         return hw_fail(HW_MEMORY, "out of memory");
-    cJSON_AddStringToObject(json, "path", argv[0]);
+    hw_json_add_string(json, "path", argv[0]);
     hw_status status = describe(argv[0], json);
     if (status == HW_OK && json_file)
         status = hw_json_write(json_file, json);

@@ -1,4 +1,5 @@
 #include "options.h"
+#include "json.h"
 #include "log.h"
 #include <errno.h>
 #include <math.h>
@@ -613,7 +614,7 @@ static void add_value(cJSON *json, const hw_option *o)
     case HW_OPTION_CHOICE:
         text = *(const char *const *)o->value;
         if (text)
-            cJSON_AddStringToObject(json, o->name, text);
+            hw_json_add_string(json, o->name, text);
         else
             cJSON_AddNullToObject(json, o->name);
         break;

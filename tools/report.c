@@ -268,14 +268,14 @@ static void add_facts(cJSON *root, const hw_report *r)
     cJSON *scene = cJSON_AddObjectToObject(root, "scene");
     add_count(scene, "triangles", r->scene_triangles);
     add_count(scene, "objects", r->object_count);
-    cJSON_AddStringToObject(scene, "path", r->scene_path);
+    hw_json_add_string(scene, "path", r->scene_path);
     cJSON *dataset = cJSON_AddObjectToObject(root, "dataset");
     add_count(dataset, "cells", r->cell_count);
     add_count(dataset, "bytes", r->dataset_bytes);
     add_count(dataset, "mesh_bytes", r->mesh_bytes);
     add_count(dataset, "texture_bytes", r->texture_bytes);
     add_number(dataset, "build_seconds", r->build_seconds);
-    cJSON_AddStringToObject(dataset, "path", r->dataset_path);
+    hw_json_add_string(dataset, "path", r->dataset_path);
     hw_json_add_numbers(root, "size", (const double[]){r->width, r->height}, 2);
     add_count(root, "frames", r->frame_count);
     add_count(root, "reference_samples", r->reference_samples);
@@ -284,8 +284,8 @@ static void add_facts(cJSON *root, const hw_report *r)
     add_count(root, "repeat", r->repeat);
     add_number(root, "lod_error_px", r->lod_error_px);
     add_count(root, "cell_crossings", r->pops.crossing_count);
-    cJSON_AddStringToObject(root, "gl_renderer", r->gl_renderer);
-    cJSON_AddStringToObject(root, "command", r->command);
+    hw_json_add_string(root, "gl_renderer", r->gl_renderer);
+    hw_json_add_string(root, "command", r->command);
 }
 
 hw_status hw_report_json(const hw_report *report, cJSON **out)
@@ -306,7 +306,7 @@ hw_status hw_report_json(const hw_report *report, cJSON **out)
         hw_streaming_add_json(&report->streaming, root);
     cJSON *notes = cJSON_AddArrayToObject(root, "notes");
     for (uint32_t i = 0; i < report->note_count; i++)
-        cJSON_AddItemToArray(notes, cJSON_CreateString(report->notes[i]));
+        cJSON_AddItemToArray(notes, hw_json_make_string(report->notes[i]));
     return HW_OK;
 }
 

@@ -131,6 +131,7 @@ EOF
     printf 'HXWC' >cut.hxc
     mkdir folder
     echo '{"version": 99}' >folder/manifest.json
+    cp tetra.obj $'t\xe4tra.obj'
     mkdir bare
     ln -s tetra.off link.off
     md5sum tetra.* >sums
@@ -232,6 +233,14 @@ check_scenes() {
     expect 0 '^triangles +4$' info -q -- tetra.ply
     expect 0 '^objects +1$' info tetra.obj --json info.json
     expect 0 '^frames +1$' info one.json
+    start check_encoding
+}
+
+# JSON is UTF-8, whatever a file is called.
+check_encoding() {
+    "$hexwalk" info $'t\xe4tra.obj' --json latin.json >"$1.out" 2>"$1.err" &&
+        python3 -c 'import json; assert json.load(open("latin.json", encoding="utf-8"))["path"] == "t_tra.obj"' 2>>"$1.err" ||
+        fail "$1" 'a name in Latin-1'
 }
 
 check_datasets() {
