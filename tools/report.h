@@ -1,7 +1,9 @@
 // What `hexwalk measure` found: the figures, their summaries, and the files made of them.
 #pragma once
+#include "bytes.h"
 #include "hexgrid.h"
 #include "image.h"
+#include "plot.h"
 #include "pops.h"
 #include "renderer.h"
 #include "status.h"
@@ -123,6 +125,9 @@ HW_MUST_USE hw_status hw_report_json(const hw_report *report, cJSON **out);
 HW_MUST_USE hw_status hw_report_write_csv(const hw_report *report, const char *path);
 // report.html, self-contained. Plots that gnuplot did not make leave a message in their place.
 HW_MUST_USE hw_status hw_report_write_html(const hw_report *report, const char *path);
+// For sections of the page: a heading and the plot, or the cause why it is missing.
+HW_MUST_USE hw_status hw_report_put_plot(hw_bytes_writer *page, const hw_plot *plot,
+                                         const char *title);
 // A short table.
 void hw_report_print(const hw_report *report, FILE *out);
 

@@ -139,8 +139,8 @@ grep -q 'no crossing between cells that the dataset has' noted/report.html || fa
 # Without gnuplot the page says so in place of the plots.
 mkdir empty
 PATH=$work/empty run 0 measure data --tour tour.json --configs B,C -o bare --every 12 --size 64x64 \
-    --reference-samples 2 --repeat 1 --quiet &&
-    check 'without gnuplot' bare 2 B,C 'page.count("<svg") == 0 and page.count("gnuplot is not installed") == 5'
+    --reference-samples 2 --repeat 1 --streaming --quiet &&
+    check 'without gnuplot' bare 2 B,C 'page.count("<svg") == 0 and page.count("gnuplot is not installed") == 8'
 
 # Another scene than the dataset's is refused by name, and a failure leaves no report.
 make_scene 9 >balls.obj
