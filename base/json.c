@@ -178,3 +178,49 @@ void hw_json_add_numbers(cJSON *object, const char *key, const double *values, s
             cJSON_AddItemToArray(array, item);
     }
 }
+
+// Length of the UTF-8 sequence at s; 0 if malformed (RFC 3629, section 4).
+static size_t utf8_length(const unsigned char *s)
+{
+    if (s[0] < 0x80)
+        return 1;
+    if (s[0] < 0xc2 || s[0] > 0xf4)
+        return 0;
+    size_t n = s[0] < 0xe0 ? 2 : s[0] < 0xf0 ? 3 : 4;
+    // The second byte also tells what is too long, a surrogate, or beyond the last character.
+    unsigned low = s[0] == 0xe0 ? 0xa0 : s[0] == 0xf0 ? 0x90 : 0x80;
+    unsigned high = s[0] == 0xed ? 0x9f : s[0] == 0xf4 ? 0x8f : 0xbf;
+    if (s[1] < low || s[1] > high)
+        return 0;
+    for (size_t i = 2; i < n; i++)
+        if ((s[i] & 0xc0) != 0x80)
+            return 0;
+    return n;
+}
+
+cJSON *hw_json_make_string(const char *text)
+{
+    char *copy;
+    if (!text)
+        return cJSON_CreateNull();
+    if (hw_strdup(&copy, text) != HW_OK)
+        return NULL;
+    for (size_t i = 0; copy[i];) {
+        size_t n = utf8_length((const unsigned char *)copy + i);
+        if (n == 0)
+            copy[i] = '_';
+        i += n ? n : 1;
+    }
+    cJSON *item = cJSON_CreateString(copy);
+    hw_free(copy);
+    return item;
+}
+
+bool hw_json_add_string(cJSON *object, const char *key, const char *text)
+{
+    cJSON *item = hw_json_make_string(text);
+    if (item && cJSON_AddItemToObject(object, key, item))
+        return true;
+    cJSON_Delete(item);
+    return false;
+}

@@ -35,3 +35,9 @@ HW_MUST_USE hw_status hw_json_numbers(const char *name, const cJSON *object, con
 // Adds a number, or null where it is not finite (infinite PSNR).
 void hw_json_add_number(cJSON *object, const char *key, double value);
 void hw_json_add_numbers(cJSON *object, const char *key, const double *values, size_t count);
+
+// A string item that is UTF-8, as JSON has to be: bytes of the text that are not become '_' (names
+// and paths may be of any encoding); null for NULL. NULL without memory.
+cJSON *hw_json_make_string(const char *text);
+// Adds it; false without memory.
+bool hw_json_add_string(cJSON *object, const char *key, const char *text);

@@ -3,8 +3,8 @@
 #include "file.h"
 #include "hash.h"
 #include "image_io.h"
+#include "json.h"
 #include <assert.h>
-#include <cjson/cJSON.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -71,36 +71,10 @@ static void put_numbers(exporter *e, cJSON *object, const char *key, const doubl
     put_item(e, object, key, cJSON_CreateDoubleArray(v, count));
 }
 
-// Length of the UTF-8 sequence at s; 0 if malformed.
-static size_t utf8_length(const unsigned char *s)
-{
-    size_t n = s[0] < 0x80 ? 1 : (s[0] & 0xe0) == 0xc0 ? 2 : (s[0] & 0xf0) == 0xe0 ? 3 : 4;
-    if (n == 4 && (s[0] & 0xf8) != 0xf0)
-        return 0;
-    for (size_t i = 1; i < n; i++)
-        if ((s[i] & 0xc0) != 0x80)
-            return 0;
-    return n;
-}
-
-// JSON is UTF-8; names from old formats need not be.
 static void put_name(exporter *e, cJSON *object, const char *name)
 {
-    char *copy;
-    if (!name || !name[0])
-        return;
-    if (hw_strdup(&copy, name) != HW_OK) {
+    if (name && name[0] && !hw_json_add_string(object, "name", name))
         e->failed = true;
-        return;
-    }
-    for (size_t i = 0; copy[i];) {
-        size_t n = utf8_length((const unsigned char *)copy + i);
-        if (n == 0)
-            copy[i] = '_';
-        i += n ? n : 1;
-    }
-    put_item(e, object, "name", cJSON_CreateString(copy));
-    hw_free(copy);
 }
 
 static cJSON *put_array(exporter *e, cJSON *object, const char *key)

@@ -309,26 +309,6 @@ static hw_status read_embedded(const importer *in, const struct aiTexture *t, hw
     return HW_OK;
 }
 
-static int hex_digit(char c)
-{
-    return c >= '0' && c <= '9'                 ? c - '0'
-           : (c | 32) >= 'a' && (c | 32) <= 'f' ? (c | 32) - 'a' + 10
-                                                : -1;
-}
-
-// Turns backslashes, and %20 and its like (glTF names files by URI), in place.
-static void decode_path(char *path, bool percent)
-{
-    char *to = path;
-    for (const char *from = path; *from; from++) {
-        bool escape = percent && *from == '%' && hex_digit(from[1]) >= 0 && hex_digit(from[2]) >= 0;
-        char c = escape ? (char)(hex_digit(from[1]) * 16 + hex_digit(from[2])) : *from;
-        from += escape ? 2 : 0;
-        *to++ = c == '\\' ? '/' : c;
-    }
-    *to = 0;
-}
-
 // Relative to the model's folder; failing that, the bare file name there.
 static hw_status read_external(const importer *in, const char *name, hw_image *out)
 {
@@ -336,7 +316,7 @@ static hw_status read_external(const importer *in, const char *name, hw_image *o
     char *dir = NULL, *local = NULL, *full = NULL;
     HW_GO(hw_path_dir(&dir, in->path));
     HW_GO(hw_strdup(&local, name));
-    decode_path(local, in->kind == HW_MODEL_GLTF);
+    hw_model_decode_path(local, in->kind == HW_MODEL_GLTF);
     HW_GO(hw_path_join(&full, dir, local));
     const char *slash = strrchr(local, '/');
     if (!hw_path_exists(full) && slash && slash[1]) {
@@ -432,7 +412,8 @@ static hw_status add_object(importer *in, uint32_t mesh_idx, uint32_t material_i
 {
     hw_scene *scene = in->scene;
     double d = determinant(&transform);
-    if (d == 0) {
+    hw_mat4 inverse;
+    if (d == 0 || !hw_mat4_inverse(transform, &inverse)) { // rounding may leave a little of 0
         hw_log_warning("%s: an object of mesh %s is scaled to nothing; it is left out", in->path,
                        scene->meshes[mesh_idx].name);
         return HW_OK;
@@ -496,10 +477,11 @@ static hw_status walk_node(importer *in, const struct aiNode *node, const hw_mat
 }
 
 // (x, y, z) -> (x, -z, y), a quarter turn about x: y up becomes z up. glTF files are y-up; 3DS
-// files are z-up, but Assimp turns them, so this turns them back.
+// files are z-up, but Assimp turns them, so this turns them back. A Collada file says which way is
+// up (y if it does not), and Assimp turns it y-up.
 static hw_mat4 upright(hw_model_kind kind)
 {
-    if (kind != HW_MODEL_GLTF && kind != HW_MODEL_3DS)
+    if (kind != HW_MODEL_GLTF && kind != HW_MODEL_3DS && kind != HW_MODEL_COLLADA)
         return hw_mat4_identity();
     return (hw_mat4){{1, 0, 0, 0, 0, 0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1}};
 }
@@ -568,7 +550,8 @@ static hw_status read_source(const char *path, const struct aiScene **out)
         return hw_fail(HW_IO, "%s: models need Assimp: %s", path, assimp.problem);
     }
     if (facts.text)
-        *out = assimp.import_memory(facts.text, (unsigned)facts.text_bytes, flags, "off");
+        *out = assimp.import_memory(facts.text, (unsigned)facts.text_bytes, flags,
+                                    hw_model_kind_of(path) == HW_MODEL_OFF ? "off" : "gltf");
     else
         *out = assimp.import_file(path, flags);
     hw_free(facts.text);

@@ -36,9 +36,9 @@ static bool off_color(hw_words *w, hw_bytes_writer *out)
         return false;
     for (int k = 0; k < 4; k++) {
         char text[32];
-        int size = snprintf(text, sizeof text, " %.6f",
-                            k < n && whole ? fmin(c[k], 255) / 255 : fmin(c[k], 1));
-        hw_put_bytes(out, text, size > 0 ? (size_t)size : 0);
+        double most = k < n && whole ? 255 : 1;
+        int size = snprintf(text, sizeof text, " %.6f", fmin(fmax(c[k], 0), most) / most);
+        hw_put_bytes(out, text, size > 0 && (size_t)size < sizeof text ? (size_t)size : 0);
     }
     return true;
 }
@@ -388,14 +388,33 @@ hw_status hw_check_3ds(const hw_model_bytes *file)
 
 // ---- All ----------------------------------------------------------------------------------------
 
+static int hex_digit(char c)
+{
+    return c >= '0' && c <= '9'                 ? c - '0'
+           : (c | 32) >= 'a' && (c | 32) <= 'f' ? (c | 32) - 'a' + 10
+                                                : -1;
+}
+
+void hw_model_decode_path(char *path, bool percent)
+{
+    char *to = path;
+    for (const char *from = path; *from; from++) {
+        bool escape = percent && *from == '%' && hex_digit(from[1]) >= 0 && hex_digit(from[2]) >= 0;
+        char c = escape ? (char)(hex_digit(from[1]) * 16 + hex_digit(from[2])) : *from;
+        from += escape ? 2 : 0;
+        *to++ = c == '\\' ? '/' : c;
+    }
+    *to = 0;
+}
+
 hw_model_kind hw_model_kind_of(const char *path)
 {
     static const struct {
         const char *extension;
         hw_model_kind kind;
-    } table[] = {{"gltf", HW_MODEL_GLTF}, {"glb", HW_MODEL_GLTF}, {"ply", HW_MODEL_PLY},
-                 {"obj", HW_MODEL_OBJ},   {"off", HW_MODEL_OFF},  {"stl", HW_MODEL_STL},
-                 {"3ds", HW_MODEL_3DS}};
+    } table[] = {{"gltf", HW_MODEL_GLTF}, {"glb", HW_MODEL_GLTF},    {"ply", HW_MODEL_PLY},
+                 {"obj", HW_MODEL_OBJ},   {"off", HW_MODEL_OFF},     {"stl", HW_MODEL_STL},
+                 {"3ds", HW_MODEL_3DS},   {"dae", HW_MODEL_COLLADA}, {"zae", HW_MODEL_COLLADA}};
     const char *slash = strrchr(path, '/');
     const char *dot = strrchr(slash ? slash : path, '.');
     for (size_t i = 0; dot && i < sizeof table / sizeof *table; i++)
@@ -408,7 +427,7 @@ static hw_status check_kind(const hw_model_bytes *file, hw_model_facts *facts)
 {
     switch (hw_model_kind_of(file->path)) {
     case HW_MODEL_GLTF:
-        return hw_check_gltf(file);
+        return hw_check_gltf(file, facts);
     case HW_MODEL_PLY:
         return hw_check_ply(file, facts);
     case HW_MODEL_OBJ:
@@ -419,6 +438,7 @@ static hw_status check_kind(const hw_model_bytes *file, hw_model_facts *facts)
         return hw_check_stl(file, facts);
     case HW_MODEL_3DS:
         return hw_check_3ds(file);
+    case HW_MODEL_COLLADA:
     case HW_MODEL_OTHER:
         break;
     }

@@ -13,7 +13,8 @@ typedef enum hw_model_kind {
     HW_MODEL_OFF,
     HW_MODEL_STL,
     HW_MODEL_3DS,
-    HW_MODEL_OTHER // left to Assimp
+    HW_MODEL_COLLADA, // left to Assimp
+    HW_MODEL_OTHER    // left to Assimp
 } hw_model_kind;
 
 // By the file name's extension.
@@ -21,7 +22,7 @@ hw_model_kind hw_model_kind_of(const char *path);
 // What a check finds out.
 typedef struct hw_model_facts {
     uint64_t faces;    // polygons that a reader must find; 0 where that is not known
-    char *text;        // the model in a form that Assimp does not stumble over (OFF); else NULL
+    char *text;        // the model as Assimp does not stumble over it (OFF, glTF); else NULL
     size_t text_bytes; //
 } hw_model_facts;
 
@@ -30,13 +31,16 @@ typedef struct hw_model_facts {
 // hw_free (NULL on failure).
 HW_MUST_USE hw_status hw_import_check(const char *path, hw_model_facts *facts);
 
+// Turns backslashes, and with `percent` %20 and its like (glTF names files by URI), in place.
+void hw_model_decode_path(char *path, bool percent);
+
 // A file's content. Parsers below may rely on a 0 byte after `size` bytes.
 typedef struct hw_model_bytes {
     const char *path;
     const uint8_t *data;
     size_t size;
 } hw_model_bytes;
-HW_MUST_USE hw_status hw_check_gltf(const hw_model_bytes *file);
+HW_MUST_USE hw_status hw_check_gltf(const hw_model_bytes *file, hw_model_facts *facts);
 HW_MUST_USE hw_status hw_check_ply(const hw_model_bytes *file, hw_model_facts *facts);
 HW_MUST_USE hw_status hw_check_off(const hw_model_bytes *file, hw_model_facts *facts);
 HW_MUST_USE hw_status hw_check_obj(const hw_model_bytes *file);

@@ -33,6 +33,8 @@ typedef struct gltf_file {
     const char *path;
     const uint8_t *bin; // the BIN chunk of a GLB
     size_t bin_size;
+    bool binary;  // a GLB
+    bool decoded; // a buffer's file was found by its decoded name only
     cJSON *json;
     uint32_t buffer_count, view_count, accessor_count, mesh_count, material_count, node_count;
     gltf_buffer *buffers;
@@ -81,14 +83,43 @@ static bool get_index(const cJSON *object, const char *key, uint32_t count, uint
 
 // ---- Buffers ------------------------------------------------------------------------------------
 
-static hw_status open_external(const gltf_file *g, gltf_buffer *buffer, const char *uri)
+static bool is_external(const cJSON *uri)
+{
+    return cJSON_IsString(uri) && strncmp(uri->valuestring, "data:", 5) != 0;
+}
+
+// The file that a URI means, relative to the model's folder; *decoded tells that it is not the one
+// of that very name. A GLB's are left to Assimp, which does not decode them.
+static hw_status external_path(const gltf_file *g, const char *uri, char **out, bool *decoded)
 {
     hw_status status = HW_OK;
-    char *dir = NULL, *full = NULL;
-    size_t size = 0;
+    char *dir = NULL, *local = NULL;
+    *decoded = false;
     HW_GO(hw_path_dir(&dir, g->path));
-    HW_GO(hw_path_join(&full, dir, uri));
+    HW_GO(hw_path_join(out, dir, uri));
+    if (g->binary || hw_path_exists(*out))
+        goto out;
+    HW_GO(hw_strdup(&local, uri));
+    hw_model_decode_path(local, true);
+    *decoded = strcmp(local, uri) != 0;
+    hw_free(*out);
+    *out = NULL;
+    HW_GO(hw_path_join(out, dir, local));
+out:
+    hw_free(dir);
+    hw_free(local);
+    return status;
+}
+
+static hw_status open_external(gltf_file *g, gltf_buffer *buffer, const char *uri)
+{
+    hw_status status = HW_OK;
+    char *full = NULL;
+    size_t size = 0;
+    bool decoded;
+    HW_GO(external_path(g, uri, &full, &decoded));
     if (hw_path_exists(full)) {
+        g->decoded |= decoded;
         status = hw_file_read(full, 0, &buffer->owned, &size);
         if (status != HW_OK) {
             status = hw_fail_prefix(status, g->path);
@@ -100,18 +131,16 @@ static hw_status open_external(const gltf_file *g, gltf_buffer *buffer, const ch
         status = hw_fail(HW_FORMAT, "%s: buffer %s is %s", g->path, uri,
                          buffer->owned ? "truncated" : "missing");
 out:
-    hw_free(dir);
     hw_free(full);
     return status;
 }
 
-static hw_status check_buffer(const gltf_file *g, const cJSON *item, uint32_t i,
-                              gltf_buffer *buffer)
+static hw_status check_buffer(gltf_file *g, const cJSON *item, uint32_t i, gltf_buffer *buffer)
 {
     const cJSON *uri = cJSON_GetObjectItemCaseSensitive(item, "uri");
     if (!get_count(item, "byteLength", COUNT_MAX, 0, &buffer->size) || buffer->size == 0)
         return fail_at(g, "buffer", i, "no length");
-    if (cJSON_IsString(uri) && strncmp(uri->valuestring, "data:", 5) != 0)
+    if (is_external(uri))
         return open_external(g, buffer, uri->valuestring);
     if (cJSON_IsString(uri))
         return strlen(uri->valuestring) / 4 * 3 + 3 >= buffer->size
@@ -371,15 +400,18 @@ out:
 
 // ---- The file -----------------------------------------------------------------------------------
 
+// Assimp passes over those that it does not know. Materials have a colour without theirs, and
+// nothing here is lit.
 static hw_status check_extensions(const gltf_file *g)
 {
+    static const char materials[] = "KHR_materials_";
     const cJSON *array = cJSON_GetObjectItemCaseSensitive(g->json, "extensionsRequired"), *item;
     cJSON_ArrayForEach(item, array)
     {
-        if (cJSON_IsString(item) &&
-            (strstr(item->valuestring, "compression") || strstr(item->valuestring, "quantization")))
-            return hw_fail(HW_FORMAT, "%s: it needs %s, which is not supported", g->path,
-                           item->valuestring);
+        const char *name = cJSON_IsString(item) ? item->valuestring : "an extension without a name";
+        if (strncmp(name, materials, strlen(materials)) != 0 &&
+            strcmp(name, "KHR_lights_punctual") != 0)
+            return hw_fail(HW_FORMAT, "%s: it needs %s, which is not supported", g->path, name);
     }
     return HW_OK;
 }
@@ -439,22 +471,54 @@ static void gltf_free(gltf_file *g)
     hw_free(g->accessors);
 }
 
-hw_status hw_check_gltf(const hw_model_bytes *file)
+// The document with the buffers' paths in place of their URIs, which Assimp takes as they are.
+static hw_status rewrite_uris(gltf_file *g, hw_model_facts *facts)
+{
+    cJSON *item;
+    hw_status status = HW_OK;
+    char *full = NULL, *text = NULL;
+    cJSON_ArrayForEach(item, cJSON_GetObjectItemCaseSensitive(g->json, "buffers"))
+    {
+        const cJSON *uri = cJSON_GetObjectItemCaseSensitive(item, "uri");
+        bool decoded;
+        if (!is_external(uri))
+            continue;
+        HW_GO(external_path(g, uri->valuestring, &full, &decoded));
+        cJSON *path = cJSON_CreateString(full);
+        if (!path || !cJSON_ReplaceItemInObjectCaseSensitive(item, "uri", path))
+            HW_GO(hw_fail(HW_MEMORY, "out of memory"));
+        hw_free(full);
+        full = NULL;
+    }
+    text = cJSON_PrintUnformatted(g->json);
+    if (!text)
+        HW_GO(hw_fail(HW_MEMORY, "out of memory"));
+    HW_GO(hw_strdup(&facts->text, text));
+    facts->text_bytes = strlen(text);
+out:
+    cJSON_free(text);
+    hw_free(full);
+    return status;
+}
+
+hw_status hw_check_gltf(const hw_model_bytes *file, hw_model_facts *facts)
 {
     hw_status status = HW_OK;
     gltf_file g = {.path = file->path};
     const uint8_t *json = file->data;
     size_t json_size = file->size;
     hw_bytes_reader r = hw_bytes_reader_make(file->data, file->size);
-    bool binary = hw_get_u32(&r) == GLB_MAGIC;
+    g.binary = hw_get_u32(&r) == GLB_MAGIC;
     size_t name = strlen(file->path);
-    if (binary)
+    if (g.binary)
         HW_GO(check_container(file, &g, &r, &json, &json_size));
     else if (file->path[name - 1] == 'b' || file->path[name - 1] == 'B') {
         status = hw_fail(HW_FORMAT, "%s: no GLB file", file->path);
         goto out;
     }
     HW_GO(check_document(&g, (const char *)json, json_size));
+    if (g.decoded)
+        HW_GO(rewrite_uris(&g, facts));
 out:
     gltf_free(&g);
     return status;

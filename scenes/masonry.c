@@ -233,11 +233,6 @@ static const struct {
     [HW_MASONRY_PIER] = {"pier", make_pier},
 };
 
-const char *hw_masonry_name(hw_masonry kind)
-{
-    return pieces[kind].name;
-}
-
 hw_status hw_masonry_make(hw_masonry kind, double length, hw_mesh *out)
 {
     hw_status status = HW_OK;

@@ -11,8 +11,6 @@ typedef enum hw_masonry {
     HW_MASONRY_COUNT
 } hw_masonry;
 
-// "wall", "hedge", ... Static.
-const char *hw_masonry_name(hw_masonry kind);
 // A piece to be set beside others at every `length` units (> 0), named after kind and length;
 // positions and normals. Deterministic. The caller frees *out with hw_mesh_free.
 HW_MUST_USE hw_status hw_masonry_make(hw_masonry kind, double length, hw_mesh *out);

@@ -1,8 +1,10 @@
 #include "solid.h"
 #include "alloc.h"
 
-// Samples of all triangles together; a mesh of many large ones gets coarser cubes.
-#define SAMPLES_MAX 2e7
+// Samples of all triangles together; a mesh of many large ones gets coarser cubes. Even the
+// smallest takes some, whatever the cubes: a mesh of very many may have twice those.
+#define SAMPLES_MAX    2e7
+#define SAMPLES_OF_ONE 4.5
 
 static size_t cube_count(const hw_solid *s)
 {
@@ -132,7 +134,8 @@ hw_status hw_solid_make(hw_solid *out, const hw_mesh *mesh, double side)
     double extent = fmax(fmax((double)size.x, (double)size.y), (double)size.z);
     // One cube stays free on each side, and half of one for rounding.
     s.side = fmax(side, extent / (HW_SOLID_SIDE_MAX - 4));
-    while (sample_count(mesh, s.side) > SAMPLES_MAX && s.side < extent)
+    double most = fmax(SAMPLES_MAX, 2 * SAMPLES_OF_ONE * (mesh->index_count / 3));
+    while (sample_count(mesh, s.side) > most && s.side < extent)
         s.side *= 2;
     float margin = (float)(1.5 * s.side);
     s.origin = hw_v3_sub(box.min, hw_v3(margin, margin, margin));

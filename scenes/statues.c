@@ -327,6 +327,10 @@ hw_status hw_statue_load(const hw_statue *statue, const char *folder, hw_mesh *o
     // Closing a triangle that hung alone makes a flap; the vertices of flaps are left over.
     HW_GO(hw_statue_drop_flaps(&mesh));
     HW_GO(hw_mesh_clean(&mesh));
+    if (mesh.index_count == 0) {
+        status = hw_fail(HW_FORMAT, "%s: nothing is left of it", path);
+        goto out;
+    }
     stand_on_ground(&mesh, statue);
     HW_GO(hw_mesh_compute_normals(&mesh));
     hw_free(mesh.name);

@@ -380,12 +380,12 @@ hw_status hw_tour_generate(const hw_scene *scene, const hw_tour_options *options
     if (scene->object_count == 0)
         return hw_fail(HW_FORMAT, "%s: no objects to tour", scene->path ? scene->path : "scene");
     HW_GO(fill_options(scene, options, &o));
-    HW_GO(hw_clearance_create(&clearance, scene, o.eye_z, 4 * o.clearance));
     hw_tour_path_options course = {.clearance = o.clearance,
                                    .turn_radius = o.speed / o.turn_rad,
                                    .span = o.span,
                                    .step = o.speed / o.frame_rate / 2,
                                    .seed = o.seed};
+    HW_GO(hw_clearance_create(&clearance, scene, o.eye_z, hw_tour_path_reach(scene, &course)));
     HW_GO(hw_tour_path_plan(scene, clearance, &course, &path));
     HW_GO(drive(&o, &path, out));
 out:

@@ -6,6 +6,7 @@
 #define WAYPOINTS      8
 #define NODES_MAX      600000.0
 #define POINTS_MAX     2000000.0
+#define REACH          4.0 // how many clearances away things matter, and ways lead
 #define COMFORT        2.5 // ways keep this many times the clearance if they can
 #define NEAR_COST      6.0 // how much dearer a way at no distance is
 #define REPEAT_COST    2.0 // how much dearer a way is where the path has been
@@ -138,13 +139,20 @@ static hw_status keep_largest_room(way_grid *g, bool *found)
     return HW_OK;
 }
 
+static double grid_side(const hw_tour_path_options *o, region r)
+{
+    double margin = REACH * o->clearance;
+    double width = r.width + 2 * margin, depth = r.depth + 2 * margin;
+    double side = fmax(o->clearance / 3, sqrt(width * depth / NODES_MAX));
+    return fmax(side, fmax(width, depth) / NODES_MAX);
+}
+
 static hw_status grid_make(const hw_clearance *clearance, const hw_tour_path_options *o, region r,
                            way_grid *g)
 {
-    double margin = 4 * o->clearance;
+    double margin = REACH * o->clearance;
     double width = r.width + 2 * margin, depth = r.depth + 2 * margin;
-    g->side = fmax(o->clearance / 3, sqrt(width * depth / NODES_MAX));
-    g->side = fmax(g->side, fmax(width, depth) / NODES_MAX);
+    g->side = grid_side(o, r);
     g->columns = (int32_t)(width / g->side) + 1;
     g->rows = (int32_t)(depth / g->side) + 1;
     g->origin_x = r.x - g->columns * g->side / 2;
@@ -163,7 +171,7 @@ static hw_status grid_make(const hw_clearance *clearance, const hw_tour_path_opt
         node_point(g, node, p);
         double gap = hw_clearance_at(clearance, p[0], p[1], NULL);
         double lack = fmax(0, 1 - gap / (COMFORT * o->clearance));
-        g->gap[node] = (float)gap;
+        g->gap[node] = (float)fmin(gap, REACH * o->clearance);
         g->open[node] = gap >= needed;
         g->weight[node] = (float)(1 + NEAR_COST * lack * lack);
     }
@@ -486,6 +494,21 @@ static hw_status circle(const hw_tour_path_options *o, region r, polyline *out)
     return HW_OK;
 }
 
+static region whole_region(const hw_scene *scene)
+{
+    hw_box box = hw_scene_bounds(scene);
+    return (region){0.5 * ((double)box.min.x + box.max.x), 0.5 * ((double)box.min.y + box.max.y),
+                    (double)box.max.x - box.min.x, (double)box.max.y - box.min.y};
+}
+
+// The squares of a wide scene may be wider than the clearance; grid_make asks for a gap of 0.72 of
+// one.
+double hw_tour_path_reach(const hw_scene *scene, const hw_tour_path_options *options)
+{
+    double side = grid_side(options, whole_region(scene));
+    return fmax(REACH * options->clearance, 1.02 * options->clearance + 1.5 * side);
+}
+
 void hw_tour_path_free(hw_tour_path *path)
 {
     hw_free(path->points);
@@ -501,9 +524,7 @@ hw_status hw_tour_path_plan(const hw_scene *scene, const hw_clearance *clearance
     *out = (hw_tour_path){0};
     if (scene->object_count == 0)
         return hw_fail(HW_FORMAT, "%s: no objects to tour", scene->path ? scene->path : "scene");
-    hw_box box = hw_scene_bounds(scene);
-    region all = {0.5 * ((double)box.min.x + box.max.x), 0.5 * ((double)box.min.y + box.max.y),
-                  (double)box.max.x - box.min.x, (double)box.max.y - box.min.y};
+    region all = whole_region(scene);
     region part = all;
     double excess = (all.width + all.depth) / options->span;
     if (excess > 1) {

@@ -9,13 +9,15 @@ typedef struct hw_tour_path {
 } hw_tour_path;
 
 typedef struct hw_tour_path_options {
-    double clearance;   // of every point of the curve; the clearance's reach is four times as much
+    double clearance;   // of every point of the curve
     double turn_radius; // curves are made about as wide as this where there is room
     double span;        // largest width + depth of the part of the scene that is visited
     double step;        // largest distance between points
     uint64_t seed;
 } hw_tour_path_options;
 
+// How far the clearance has to see (its `reach`).
+double hw_tour_path_reach(const hw_scene *scene, const hw_tour_path_options *options);
 void hw_tour_path_free(hw_tour_path *path);
 // Waypoints on an ellipse, far out and far in by turns, drawn to statues close by; ways between
 // them by A* on a grid, dearer near objects and where the path has been before; smoothed. A scene

@@ -2,6 +2,7 @@
 #include "json.h"
 #include "log.h"
 #include "options.h"
+#include "outputs.h"
 #include "system.h"
 #include <signal.h>
 #include <stdlib.h>
@@ -107,13 +108,28 @@ static bool parse_pair(const char *text, char separator, double *a, double *b)
     return end != second && *end == 0 && *a > -1e9 && *a < 1e9 && *b > -1e9 && *b < 1e9;
 }
 
+static hw_status check_options(const char *scene)
+{
+    static const char *const of_along[] = {"every", NULL};
+    static const char *const of_clusters[] = {"cluster-error", NULL};
+    const char *const inputs[] = {scene, along};
+    if (!output)
+        return hw_fail(HW_USAGE, "build needs -o DATASET");
+    if (along && shard)
+        return hw_fail(HW_USAGE, "--along and --shard do not go together");
+    if (!along)
+        HW_TRY(hw_options_refuse(&hw_cmd_build, of_along, "is about --along"));
+    if (strcmp(clusters, "on") != 0)
+        HW_TRY(hw_options_refuse(&hw_cmd_build, of_clusters, "is about --clusters on"));
+    return hw_output_apart("json", json_file, 2, inputs);
+}
+
 static hw_status read_options(const char *scene)
 {
     hw_build_options *o = &build;
     o->scene_path = scene;
     o->dataset = output;
-    if (!output)
-        return hw_fail(HW_USAGE, "build needs -o DATASET");
+    HW_TRY(check_options(scene));
     if (!parse_pair(heights, ':', &o->z_min, &o->z_max) || o->z_min > o->z_max)
         return hw_fail(HW_USAGE, "--heights wants MIN:MAX with MIN <= MAX, not '%s'", heights);
     if (shard) {
@@ -141,8 +157,6 @@ static hw_status read_options(const char *scene)
         o->far.self_occlusion_px = 5;
     if (o->far.policy == &hw_policy_thesis || o->clusters) // clusters join meshes
         o->far.relief_px = 0;
-    if (along && shard)
-        return hw_fail(HW_USAGE, "--along and --shard do not go together");
     if (along)
         HW_TRY(hw_tour_read(along, &tour));
     o->along = along ? &tour : NULL;

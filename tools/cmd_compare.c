@@ -4,6 +4,7 @@
 #include "json.h"
 #include "measures.h"
 #include "options.h"
+#include "outputs.h"
 #include <stdlib.h>
 #include <string.h>
 
@@ -90,7 +91,6 @@ static void add_mesh(cJSON *json, const char *key, const hw_mesh *mesh, const hw
     hw_json_add_number(object, "volume", m->volume[k]);
     hw_json_add_number(object, "open_edges", (double)m->open_edges[k]);
     hw_json_add_number(object, "k_sliver", m->sliver[k].ratio);
-    hw_json_add_number(object, "degenerate_triangles", m->sliver[k].degenerate);
 }
 
 static hw_status write_report(const hw_mesh meshes[2], const hw_measures *m, float scale)
@@ -134,9 +134,6 @@ static void print_meshes(const hw_mesh meshes[2], const hw_measures *m)
            (unsigned long long)m->open_edges[1]);
     printf("%-22s %12.6g %12.6g\n", "volume", m->volume[0], m->volume[1]);
     printf("%-22s %12.6f %12.6f\n", "K_sliver", m->sliver[0].ratio, m->sliver[1].ratio);
-    if (m->sliver[0].degenerate || m->sliver[1].degenerate)
-        printf("%-22s %12u %12u\n", "without an edge", m->sliver[0].degenerate,
-               m->sliver[1].degenerate);
 }
 
 static void print_table(const hw_mesh meshes[2], const hw_measures *m, float scale)
@@ -162,6 +159,13 @@ static void print_table(const hw_mesh meshes[2], const hw_measures *m, float sca
 
 // -------------------------------------------------------------------------------------------------
 
+static hw_status check_outputs(const char *const *argv)
+{
+    HW_TRY(hw_output_extension("heatmap", options.heatmap, ".ply"));
+    HW_TRY(hw_output_apart("heatmap", options.heatmap, 2, argv));
+    return hw_output_apart("json", options.json, 2, argv);
+}
+
 static hw_status run(int argc, const char *const *argv)
 {
     (void)argc;
@@ -175,6 +179,7 @@ static hw_status run(int argc, const char *const *argv)
                                           .seed = options.seed,
                                           .threads = (uint32_t)options.threads},
                              .no_images = options.no_images};
+    HW_TRY(check_outputs(argv));
     for (int i = 0; i < 2; i++)
         HW_GO(hw_mesh_import(argv[i], &meshes[i]));
     for (int i = 0; i < 2; i++)

@@ -1,5 +1,6 @@
 // hexwalk info: what is in a scene, dataset, cell, mesh, progressive mesh or tour. One JSON object
 // serves both the file and what is printed.
+#include "alloc.h"
 #include "bytes.h"
 #include "cell_chunks.h"
 #include "file.h"
@@ -10,6 +11,7 @@
 #include "map.h"
 #include "mesh_file.h"
 #include "options.h"
+#include "outputs.h"
 #include "progressive_file.h"
 #include "tour.h"
 #include <math.h>
@@ -67,24 +69,27 @@ static void add_file_bytes(cJSON *json, const char *path)
         add_integer(json, "file_bytes", (uint64_t)info.st_size);
 }
 
-static void add_mesh_rows(cJSON *json, const hw_scene *scene)
+static hw_status add_mesh_rows(cJSON *json, const hw_scene *scene)
 {
+    uint32_t *uses;
+    HW_TRY(HW_NEW(&uses, scene->mesh_count));
+    for (uint32_t i = 0; i < scene->object_count; i++)
+        uses[scene->objects[i].mesh_idx]++;
     cJSON *rows = cJSON_AddArrayToObject(json, "mesh_list");
     for (uint32_t i = 0; i < scene->mesh_count; i++) {
         const hw_mesh *mesh = &scene->meshes[i];
-        uint64_t uses = 0;
-        for (uint32_t k = 0; k < scene->object_count; k++)
-            uses += scene->objects[k].mesh_idx == i;
         cJSON *row = cJSON_CreateObject();
         cJSON_AddItemToArray(rows, row);
-        cJSON_AddStringToObject(row, "name", mesh->name && *mesh->name ? mesh->name : "-");
+        hw_json_add_string(row, "name", mesh->name && *mesh->name ? mesh->name : "-");
         add_integer(row, "vertices", mesh->vertex_count);
         add_integer(row, "triangles", mesh->index_count / 3);
-        add_integer(row, "objects", uses);
+        add_integer(row, "objects", uses[i]);
         cJSON_AddBoolToObject(row, "normals", mesh->normals != NULL);
         cJSON_AddBoolToObject(row, "colors", mesh->colors != NULL);
         cJSON_AddBoolToObject(row, "uvs", mesh->uvs != NULL);
     }
+    hw_free(uses);
+    return HW_OK;
 }
 
 static hw_status describe_scene(const char *path, cJSON *json)
@@ -106,9 +111,9 @@ static hw_status describe_scene(const char *path, cJSON *json)
     add_vector(json, "bounds_min", bounds.min);
     add_vector(json, "bounds_max", bounds.max);
     add_hex(json, "hash", hw_scene_hash(&scene));
-    add_mesh_rows(json, &scene);
+    hw_status status = add_mesh_rows(json, &scene);
     hw_scene_free(&scene);
-    return HW_OK;
+    return status;
 }
 
 static hw_status draw_map(const char *path, const hw_manifest *m, cJSON *json)
@@ -120,7 +125,7 @@ static hw_status draw_map(const char *path, const hw_manifest *m, cJSON *json)
         status = hw_image_write(map_file, &image);
     hw_image_free(&image);
     HW_TRY(status);
-    cJSON_AddStringToObject(json, "map", map_file);
+    hw_json_add_string(json, "map", map_file);
     cJSON_AddStringToObject(json, "map_by", map_by);
     hw_json_add_number(json, "map_darkest", legend.least);
     hw_json_add_number(json, "map_mean", legend.mean);
@@ -139,7 +144,7 @@ static hw_status describe_dataset(const char *path, cJSON *json)
     for (uint32_t i = 0; i < m.cell_count; i++)
         cell_bytes += m.cells[i].bytes;
     cJSON_AddStringToObject(json, "kind", "dataset");
-    cJSON_AddStringToObject(json, "scene", m.scene_path ? m.scene_path : "");
+    hw_json_add_string(json, "scene", m.scene_path ? m.scene_path : "");
     add_integer(json, "scene_triangles", m.scene_triangles);
     add_integer(json, "objects", m.object_count);
     add_integer(json, "meshes", m.mesh_count);
@@ -155,7 +160,7 @@ static hw_status describe_dataset(const char *path, cJSON *json)
     add_integer(json, "mesh_bytes", m.mesh_bytes);
     add_integer(json, "texture_bytes", m.texture_bytes);
     add_integer(json, "near_bytes", m.near_bytes);
-    cJSON_AddStringToObject(json, "policy", m.policy ? m.policy : "");
+    hw_json_add_string(json, "policy", m.policy ? m.policy : "");
     hw_json_add_number(json, "self_occlusion_px", m.self_occlusion_px);
     hw_json_add_number(json, "edge_length_px", m.edge_length_px);
     hw_json_add_number(json, "near_error_px", m.near_error_px);
@@ -406,12 +411,6 @@ static hw_status describe_tour(const char *path, cJSON *json)
 
 // --- What kind of thing a path is ---------------------------------------------------------------
 
-static bool has_extension(const char *path, const char *extension)
-{
-    size_t a = strlen(path), b = strlen(extension);
-    return a > b && !strcmp(path + a - b, extension);
-}
-
 // The file type that the first four bytes tell; 0 if there are fewer.
 static hw_status read_magic(const char *path, uint32_t *magic)
 {
@@ -438,13 +437,14 @@ static hw_status describe(const char *path, cJSON *json)
     if (map_file)
         return hw_fail(HW_USAGE, "--map is for datasets, and %s is none", path);
     HW_TRY(read_magic(path, &magic));
-    if (magic == HW_CELL_MAGIC || has_extension(path, ".hxc"))
+    if (magic == HW_CELL_MAGIC || hw_path_ends_with(path, ".hxc"))
         return describe_cell(path, json);
-    if (magic == HW_MESH_MAGIC || has_extension(path, ".hxm"))
+    if (magic == HW_MESH_MAGIC || hw_path_ends_with(path, ".hxm"))
         return describe_mesh(path, json);
-    if (magic == HW_PROGRESSIVE_MAGIC || has_extension(path, ".hxp"))
+    if (magic == HW_PROGRESSIVE_MAGIC || hw_path_ends_with(path, ".hxp"))
         return describe_progressive(path, json);
-    return has_extension(path, ".json") ? describe_tour(path, json) : describe_scene(path, json);
+    return hw_path_ends_with(path, ".json") ? describe_tour(path, json)
+                                            : describe_scene(path, json);
 }
 
 // --- Printing -----------------------------------------------------------------------------------
@@ -541,13 +541,23 @@ static void print_report(const cJSON *json)
     }
 }
 
+static hw_status check_options(const char *const *argv)
+{
+    static const char *const of_map[] = {"map-by", "map-side", NULL};
+    if (!map_file)
+        HW_TRY(hw_options_refuse(&hw_cmd_info, of_map, "is about --map"));
+    HW_TRY(hw_output_apart("json", json_file, 1, argv));
+    return hw_output_apart("map", map_file, 1, argv);
+}
+
 static hw_status run(int argc, const char *const *argv)
 {
     (void)argc;
+    HW_TRY(check_options(argv));
     cJSON *json = cJSON_CreateObject();
     if (!json)
         return hw_fail(HW_MEMORY, "out of memory");
-    cJSON_AddStringToObject(json, "path", argv[0]);
+    hw_json_add_string(json, "path", argv[0]);
     hw_status status = describe(argv[0], json);
     if (status == HW_OK && json_file)
         status = hw_json_write(json_file, json);

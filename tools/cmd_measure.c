@@ -8,6 +8,7 @@
 #include "log.h"
 #include "measure.h"
 #include "options.h"
+#include "outputs.h"
 #include <errno.h>
 #include <fcntl.h>
 #include <spawn.h>
@@ -111,6 +112,8 @@ static hw_status check_usage(hw_report *report)
     if ((options.bandwidth || options.gpu_budget || options.ram_budget) && !options.streaming)
         return hw_fail(HW_USAGE,
                        "--bandwidth, --gpu-budget and --ram-budget are for measure --streaming");
+    const char *const inputs[] = {options.tour, options.scene};
+    HW_TRY(hw_output_apart("json", options.json, 2, inputs));
     return parse_configs(report);
 }
 
@@ -311,7 +314,7 @@ static hw_status try_memory_of(hw_report *r, hw_config config, bool prefetch, ui
     hw_status status = measure_memory_of(r, config, prefetch, out);
     if (status == HW_OK || status == HW_MEMORY)
         return status;
-    return hw_report_note(r, "The process memory of configuration %s%s is unknown: %s.",
+    return hw_report_warn(r, "The process memory of configuration %s%s is unknown: %s.",
                           hw_config_name(config), prefetch ? " with prefetching" : "",
                           hw_error_text());
 }

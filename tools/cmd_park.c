@@ -4,6 +4,7 @@
 #include "json.h"
 #include "log.h"
 #include "options.h"
+#include "outputs.h"
 #include "park.h"
 #include "statues.h"
 #include "system.h"
@@ -30,7 +31,7 @@ static hw_status check_options(void)
         return hw_fail(HW_USAGE, "--statues DIR is needed (tools/fetch-statues fills it)");
     if (!options.output)
         return hw_fail(HW_USAGE, "-o SCENE.glb is needed");
-    return HW_OK;
+    return hw_output_extension("output", options.output, ".glb");
 }
 
 static hw_status bake(hw_scene *scene)

@@ -6,6 +6,7 @@
 #include "json.h"
 #include "log.h"
 #include "options.h"
+#include "outputs.h"
 #include "progressive_file.h"
 #include "simplify.h"
 #include "system.h"
@@ -31,12 +32,6 @@ static struct {
 static hw_status take_level(void *context, uint32_t batch, const hw_mesh *mesh);
 
 // ---- options to a plan -----------------------------------------------------------------------
-
-static bool ends_with(const char *text, const char *end)
-{
-    size_t n = strlen(text), m = strlen(end);
-    return n >= m && strcmp(text + n - m, end) == 0;
-}
 
 // "edge:0.5,quadric": each but the last ends at a share of the faces.
 static hw_status parse_stages(const char *text, hw_simplify_options *out)
@@ -98,13 +93,15 @@ static hw_status parse_precision(const char *text, uint32_t *bits)
     return HW_OK;
 }
 
-static hw_status check_outputs(void)
+static hw_status check_outputs(const char *const *argv)
 {
+    HW_TRY(hw_output_apart("json", options.json, 1, argv));
     if (!options.output && !options.progressive)
         return hw_fail(HW_USAGE, "-o MESH or --progressive FILE.hxp is needed");
-    if (options.output && !ends_with(options.output, ".ply") && !ends_with(options.output, ".glb"))
+    if (options.output && !hw_path_ends_with(options.output, ".ply") &&
+        !hw_path_ends_with(options.output, ".glb"))
         return hw_fail(HW_USAGE, "%s: meshes are written as .ply or .glb", options.output);
-    if (options.progressive && !ends_with(options.progressive, ".hxp"))
+    if (options.progressive && !hw_path_ends_with(options.progressive, ".hxp"))
         return hw_fail(HW_USAGE, "%s: progressive meshes end in .hxp", options.progressive);
     if (options.faces > 0 && options.ratio > 0)
         return hw_fail(HW_USAGE, "--faces and --ratio contradict each other");
@@ -186,7 +183,7 @@ static hw_status write_mesh(const char *path, const hw_mesh *mesh)
 {
     if (mesh->index_count == 0)
         return hw_fail(HW_LIMIT, "%s: nothing is left of the mesh", path);
-    if (ends_with(path, ".ply"))
+    if (hw_path_ends_with(path, ".ply"))
         return hw_mesh_export_ply(mesh, path);
     hw_material material = {.base_color = {1, 1, 1}};
     hw_object object = {.transform = hw_mat4_identity()};
@@ -308,15 +305,39 @@ static hw_status write_report(const hw_simplified *s, uint64_t bytes)
 
 // ---- from a progressive mesh -----------------------------------------------------------------
 
-// The mesh of a progressive file at a number of faces or vertices.
+// A level is in the file, or is not: how it came to be cannot be chosen any more.
+static hw_status check_refine(void)
+{
+    static const char *const others[] = {"metric", "placement",   "fit",    "hierarchy",
+                                         "eye",    "fov",         "height", "precision",
+                                         "kappa",  "kappa-decay", NULL};
+    if (!options.output || options.progressive || options.levels || options.vertices ||
+        options.error > 0 || options.bytes)
+        return hw_fail(HW_USAGE, "of a progressive mesh, -o with --faces or --ratio gives a level");
+    return hw_options_refuse(&hw_cmd_simplify, others,
+                             "is without effect where MESH is a progressive mesh");
+}
+
+static hw_status write_refined(const hw_mesh *mesh, uint32_t all)
+{
+    cJSON *json = cJSON_CreateObject();
+    hw_json_add_number(json, "faces_original", all);
+    hw_json_add_number(json, "faces", mesh->index_count / 3);
+    hw_json_add_number(json, "vertices", mesh->vertex_count);
+    hw_json_add_number(json, "rss_bytes_peak", (double)hw_rss_peak_bytes());
+    cJSON_AddItemToObject(json, "options", hw_options_json(&hw_cmd_simplify));
+    hw_status status = hw_json_write(options.json, json);
+    cJSON_Delete(json);
+    return status;
+}
+
+// The mesh of a progressive file at a number of faces.
 static hw_status refine(const char *path)
 {
     hw_status status;
     hw_progressive *p = NULL;
     hw_mesh mesh = {0};
-    if (!options.output || options.progressive || options.levels || options.vertices ||
-        options.error > 0 || options.bytes)
-        return hw_fail(HW_USAGE, "of a progressive mesh, -o with --faces or --ratio gives a level");
+    HW_TRY(check_refine());
     HW_GO(hw_progressive_read(&p, path));
     uint32_t all = hw_progressive_face_count(p);
     if (options.ratio > 0)
@@ -327,6 +348,8 @@ static hw_status refine(const char *path)
     HW_GO(hw_mesh_compute_normals(&mesh));
     HW_GO(write_mesh(options.output, &mesh));
     printf("%s: %u triangles of %u\n", options.output, mesh.index_count / 3, all);
+    if (options.json)
+        HW_GO(write_refined(&mesh, all));
 out:
     hw_mesh_free(&mesh);
     hw_progressive_destroy(p);
@@ -342,8 +365,8 @@ static hw_status run(int argc, const char *const *argv)
     hw_simplify_options o = {0};
     hw_position_grid grid;
     uint64_t bytes = 0;
-    HW_TRY(check_outputs());
-    if (ends_with(argv[0], ".hxp"))
+    HW_TRY(check_outputs(argv));
+    if (hw_path_ends_with(argv[0], ".hxp"))
         return refine(argv[0]);
     HW_GO(hw_mesh_import(argv[0], &mesh));
     HW_GO(plan(&mesh, &o, &grid));
@@ -376,11 +399,11 @@ static uint32_t fill_options(hw_option *out, uint32_t capacity)
          "Where merged vertices go: 0 the middle, 1 an end, 2 either, optimal anywhere; else as "
          "the metric likes it."},
         {"faces", 0, HW_OPTION_UINT, &options.faces, "N", NULL, 1, 4e9, "Stop at N triangles."},
-        {"ratio", 0, HW_OPTION_DOUBLE, &options.ratio, "R", NULL, 0, 1,
+        {"ratio", 0, HW_OPTION_DOUBLE, &options.ratio, "R", NULL, 1e-9, 1,
          "Stop at this share of the triangles."},
         {"vertices", 0, HW_OPTION_UINT, &options.vertices, "N", NULL, 1, 4e9,
          "Stop at N vertices."},
-        {"error", 0, HW_OPTION_DOUBLE, &options.error, "E", NULL, 0, 1e30,
+        {"error", 0, HW_OPTION_DOUBLE, &options.error, "E", NULL, 1e-30, 1e30,
          "Stop when every collapse would cost more than E, in the unit of the (last) metric."},
         {"fit", 0, HW_OPTION_UINT, &options.fit, "ROUNDS", NULL, 0, 100,
          "Afterwards fit the vertices to the original by least squares, volume kept; 1 or 2 rounds "

@@ -3,6 +3,7 @@
 #include "import.h"
 #include "json.h"
 #include "options.h"
+#include "outputs.h"
 #include "tour.h"
 #include <math.h>
 #include <stdio.h>
@@ -67,6 +68,8 @@ static hw_status run(int argc, const char *const *argv)
     figures f;
     if (!options.output)
         return hw_fail(HW_USAGE, "-o TOUR.json is needed");
+    HW_TRY(hw_output_apart("output", options.output, 1, argv));
+    HW_TRY(hw_output_apart("json", options.json, 1, argv));
     HW_GO(hw_scene_import(argv[0], &scene));
     hw_tour_options o = {.eye_height = options.eye_height,
                          .speed = options.speed,

@@ -3,8 +3,10 @@
 #include "log.h"
 #include "options.h"
 #include <errno.h>
+#include <fcntl.h>
 #include <signal.h>
 #include <string.h>
+#include <unistd.h>
 
 enum { EXIT_DONE = 0, EXIT_FAILED = 1, EXIT_USAGE = 2 };
 
@@ -84,9 +86,23 @@ static bool output_arrived(void)
     return false;
 }
 
+// A file opened while a standard descriptor is closed (2>&-) would get its number, and what is
+// meant for that stream. Read-only, so that writing to it still fails. False if the null device
+// cannot be opened.
+static bool fill_descriptors(void)
+{
+    int fd;
+    do
+        fd = open("/dev/null", O_RDONLY);
+    while (fd >= 0 && fd <= STDERR_FILENO);
+    return fd >= 0 && close(fd) == 0;
+}
+
 int main(int argc, const char **argv)
 {
     const hw_command *command = NULL;
+    if (!fill_descriptors())
+        return EXIT_FAILED;
     // Both arrive as errors of the write instead, which are reported and cleaned up after.
     signal(SIGPIPE, SIG_IGN);
     signal(SIGXFSZ, SIG_IGN);

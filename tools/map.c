@@ -17,7 +17,7 @@ static const rgb background = {255, 255, 255}, border = {28, 28, 36}, unknown = 
 
 typedef struct map {
     const hw_manifest *manifest;
-    double *values; // per cell of the grid; NAN if unknown
+    double *values; // per cell of the manifest; NAN if unknown
     double least, most;
     double x_min, y_max, scale; // pixels a unit
     hw_image *image;
@@ -55,12 +55,9 @@ static double value_of(const char *dataset, const hw_manifest_cell *listed, cons
 
 static hw_status gather(const char *dataset, const char *quantity, map *m, hw_map_legend *legend)
 {
-    const hw_hexgrid *grid = &m->manifest->grid;
-    uint32_t count = hw_hexgrid_cell_count(grid);
+    uint32_t count = hw_hexgrid_cell_count(&m->manifest->grid);
     double sum = 0;
-    HW_TRY(HW_NEW(&m->values, count));
-    for (uint32_t i = 0; i < count; i++)
-        m->values[i] = NAN;
+    HW_TRY(HW_NEW(&m->values, m->manifest->cell_count));
     m->least = INFINITY;
     m->most = -INFINITY;
     for (uint32_t i = 0; i < m->manifest->cell_count; i++) {
@@ -68,7 +65,7 @@ static hw_status gather(const char *dataset, const char *quantity, map *m, hw_ma
         if (cell->id.level > 0) // the map shows the finest
             continue;
         double value = value_of(dataset, cell, quantity);
-        m->values[hw_hexgrid_index(grid, cell->id)] = value;
+        m->values[i] = value;
         if (isnan(value))
             continue;
         legend->cells++;
@@ -82,7 +79,6 @@ static hw_status gather(const char *dataset, const char *quantity, map *m, hw_ma
     legend->mean = sum / legend->cells;
     legend->least = m->least;
     legend->most = m->most;
-    legend->objects = m->manifest->object_count;
     return HW_OK;
 }
 
@@ -120,7 +116,8 @@ static rgb color_at(const map *m, double x, double y)
         return background;
     if ((1 - norm) * g->cell_size * m->scale < 0.6)
         return border;
-    double value = m->values[hw_hexgrid_index(g, id)];
+    uint32_t index;
+    double value = hw_manifest_find_cell(m->manifest, id, &index) ? m->values[index] : (double)NAN;
     return isnan(value) ? unknown : ramp((value - m->least) / fmax(m->most - m->least, 1e-300));
 }
 
@@ -153,6 +150,8 @@ static void draw_cells(const map *m)
 static void draw_dot(const map *m, double x, double y, double radius)
 {
     double reach = radius + 1;
+    if (!(x > -reach && y > -reach && x < m->image->width + reach && y < m->image->height + reach))
+        return; // too far out for an int, perhaps
     for (int j = (int)floor(y - reach); j <= (int)ceil(y + reach); j++)
         for (int i = (int)floor(x - reach); i <= (int)ceil(x + reach); i++) {
             double distance = hypot(i + 0.5 - x, j + 0.5 - y);

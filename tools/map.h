@@ -8,7 +8,7 @@
 typedef struct hw_map_legend {
     double least, most; // of the quantity: the darkest and the brightest colour
     double mean;
-    uint32_t cells, objects;
+    uint32_t cells;
     uint32_t missing; // cells whose files could not be read; grey
 } hw_map_legend;
 

@@ -201,18 +201,6 @@ static hw_status draw_timed(measurer *m, uint32_t c, const hw_camera *camera,
     return HW_OK;
 }
 
-static int compare_doubles(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-static double median(double *values, uint32_t count)
-{
-    qsort(values, count, sizeof *values, compare_doubles);
-    return (values[(count - 1) / 2] + values[count / 2]) / 2;
-}
-
 // All configurations take turns. As in a walk, where the frame before was of the same
 // configuration, each turn draws the frame once untimed and then timed: else a short frame would
 // pay for what a long one of another configuration left in the caches. The last round leaves the
@@ -233,9 +221,11 @@ static hw_status time_frame(measurer *m, uint32_t frame, const hw_camera *camera
             if (round + 1 == r->repeat)
                 HW_TRY(hw_target_read(m->target, &m->shots[c]));
         }
-    for (uint32_t c = 0; c < r->config_count; c++)
-        r->configs[c].samples[frame].values[HW_METRIC_FRAME_MS] =
-            median(m->round_ms + c * ROUNDS_MAX, r->repeat);
+    for (uint32_t c = 0; c < r->config_count; c++) {
+        hw_summary rounds;
+        HW_TRY(hw_summarize(m->round_ms + c * ROUNDS_MAX, 1, r->repeat, &rounds));
+        r->configs[c].samples[frame].values[HW_METRIC_FRAME_MS] = rounds.median;
+    }
     return HW_OK;
 }
 
@@ -439,7 +429,7 @@ static hw_status measure_streaming(measurer *m)
         return status;
     // All else is known.
     hw_streaming_free(&m->report->streaming);
-    return hw_report_note(m->report, "Streaming could not be measured: %s.", hw_error_text());
+    return hw_report_warn(m->report, "Streaming could not be measured: %s.", hw_error_text());
 }
 
 hw_status hw_measure_run(const hw_measure_desc *desc, hw_report *report)

@@ -1,4 +1,5 @@
 #include "options.h"
+#include "json.h"
 #include "log.h"
 #include <errno.h>
 #include <math.h>
@@ -14,6 +15,8 @@ typedef struct option_list {
     uint32_t count;
     bool quiet, help;
 } option_list;
+
+static uint64_t given; // bit i: the command line had the command's i-th option
 
 static void list_options(const hw_command *command, option_list *list)
 {
@@ -177,7 +180,7 @@ static double unit_bytes(const char *unit)
 {
     static const char letters[] = "KMGT";
     double bytes = 1;
-    const char *letter = *unit ? strchr(letters, *unit & ~0x20) : NULL; // in lower case too
+    const char *letter = *unit > ' ' ? strchr(letters, *unit & ~0x20) : NULL; // in lower case
     if (letter) {
         bool binary = unit[1] == 'i';
         unit += binary ? 2 : 1;
@@ -313,6 +316,7 @@ hw_status hw_options_parse(const hw_command *command, int argc, const char **arg
         }
     }
     bool ended = false;
+    given = 0;
     for (int i = 0; i < argc; i += a.used) {
         if (!ended && !strcmp(argv[i], "--")) {
             ended = true;
@@ -322,14 +326,31 @@ hw_status hw_options_parse(const hw_command *command, int argc, const char **arg
         a = (argument){.value = argv[i], .used = 1};
         if (!ended)
             HW_TRY(read_argument(&list, argc - i, argv + i, &a));
-        if (a.option)
+        if (a.option) {
             HW_TRY(store(a.option, a.value));
-        else
+            given |= UINT64_C(1) << (a.option - list.options);
+        } else
             argv[(*positional)++] = a.value;
     }
     if (list.quiet)
         hw_log_set_quiet(true);
     return check_positional(command, *positional, argv);
+}
+
+bool hw_option_given(const hw_command *command, const char *name)
+{
+    option_list list;
+    list_options(command, &list);
+    const hw_option *option = find_option(&list, name, strlen(name));
+    return option && given >> (option - list.options) & 1;
+}
+
+hw_status hw_options_refuse(const hw_command *command, const char *const *names, const char *reason)
+{
+    for (; *names; names++)
+        if (hw_option_given(command, *names))
+            return hw_fail(HW_USAGE, "--%s %s", *names, reason);
+    return HW_OK;
 }
 
 // --- Help ---------------------------------------------------------------------------------------
@@ -593,7 +614,7 @@ static void add_value(cJSON *json, const hw_option *o)
     case HW_OPTION_CHOICE:
         text = *(const char *const *)o->value;
         if (text)
-            cJSON_AddStringToObject(json, o->name, text);
+            hw_json_add_string(json, o->name, text);
         else
             cJSON_AddNullToObject(json, o->name);
         break;

@@ -60,6 +60,13 @@ extern const hw_command *const hw_commands[];
 // offending argument.
 HW_MUST_USE hw_status hw_options_parse(const hw_command *command, int argc, const char **argv,
                                        int *positional, bool *help);
+// Whether the command line that was parsed last had this option of the command, even with the value
+// that is the default.
+bool hw_option_given(const hw_command *command, const char *name);
+// HW_USAGE "--name reason" for the first of `names` (ends with NULL) that was given: for options
+// that would be without effect.
+HW_MUST_USE hw_status hw_options_refuse(const hw_command *command, const char *const *names,
+                                        const char *reason);
 void hw_command_help(const hw_command *command, FILE *out);
 void hw_program_help(FILE *out);
 // The man page hexwalk(1) from the same tables.

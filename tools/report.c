@@ -3,10 +3,13 @@
 #include "bytes.h"
 #include "file.h"
 #include "json.h"
+#include "log.h"
 #include <math.h>
 #include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
+
+#define NOTE_CAPACITY 512
 
 void hw_report_free(hw_report *report)
 {
@@ -43,18 +46,34 @@ hw_status hw_report_make_samples(hw_report *report, uint32_t frame_count)
     return HW_OK;
 }
 
-hw_status hw_report_note(hw_report *report, const char *format, ...)
+static hw_status add_note(hw_report *report, const char *text)
 {
-    char text[512];
-    va_list arguments;
     if (report->note_count == HW_REPORT_NOTES)
         return HW_OK;
-    va_start(arguments, format);
-    vsnprintf(text, sizeof text, format, arguments);
-    va_end(arguments);
     HW_TRY(hw_strdup(&report->notes[report->note_count], text));
     report->note_count++;
     return HW_OK;
+}
+
+hw_status hw_report_note(hw_report *report, const char *format, ...)
+{
+    char text[NOTE_CAPACITY];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    return add_note(report, text);
+}
+
+hw_status hw_report_warn(hw_report *report, const char *format, ...)
+{
+    char text[NOTE_CAPACITY];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    hw_log_warning("%s", text);
+    return add_note(report, text);
 }
 
 const char *hw_metric_name(hw_metric metric)
@@ -249,14 +268,14 @@ static void add_facts(cJSON *root, const hw_report *r)
     cJSON *scene = cJSON_AddObjectToObject(root, "scene");
     add_count(scene, "triangles", r->scene_triangles);
     add_count(scene, "objects", r->object_count);
-    cJSON_AddStringToObject(scene, "path", r->scene_path);
+    hw_json_add_string(scene, "path", r->scene_path);
     cJSON *dataset = cJSON_AddObjectToObject(root, "dataset");
     add_count(dataset, "cells", r->cell_count);
     add_count(dataset, "bytes", r->dataset_bytes);
     add_count(dataset, "mesh_bytes", r->mesh_bytes);
     add_count(dataset, "texture_bytes", r->texture_bytes);
     add_number(dataset, "build_seconds", r->build_seconds);
-    cJSON_AddStringToObject(dataset, "path", r->dataset_path);
+    hw_json_add_string(dataset, "path", r->dataset_path);
     hw_json_add_numbers(root, "size", (const double[]){r->width, r->height}, 2);
     add_count(root, "frames", r->frame_count);
     add_count(root, "reference_samples", r->reference_samples);
@@ -265,8 +284,8 @@ static void add_facts(cJSON *root, const hw_report *r)
     add_count(root, "repeat", r->repeat);
     add_number(root, "lod_error_px", r->lod_error_px);
     add_count(root, "cell_crossings", r->pops.crossing_count);
-    cJSON_AddStringToObject(root, "gl_renderer", r->gl_renderer);
-    cJSON_AddStringToObject(root, "command", r->command);
+    hw_json_add_string(root, "gl_renderer", r->gl_renderer);
+    hw_json_add_string(root, "command", r->command);
 }
 
 hw_status hw_report_json(const hw_report *report, cJSON **out)
@@ -287,7 +306,7 @@ hw_status hw_report_json(const hw_report *report, cJSON **out)
         hw_streaming_add_json(&report->streaming, root);
     cJSON *notes = cJSON_AddArrayToObject(root, "notes");
     for (uint32_t i = 0; i < report->note_count; i++)
-        cJSON_AddItemToArray(notes, cJSON_CreateString(report->notes[i]));
+        cJSON_AddItemToArray(notes, hw_json_make_string(report->notes[i]));
     return HW_OK;
 }
 

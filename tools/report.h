@@ -1,7 +1,9 @@
 // What `hexwalk measure` found: the figures, their summaries, and the files made of them.
 #pragma once
+#include "bytes.h"
 #include "hexgrid.h"
 #include "image.h"
+#include "plot.h"
 #include "pops.h"
 #include "renderer.h"
 #include "status.h"
@@ -104,6 +106,8 @@ void hw_report_free(hw_report *report);
 HW_MUST_USE hw_status hw_report_make_samples(hw_report *report, uint32_t frame_count);
 // Adds a sentence; those beyond HW_REPORT_NOTES are dropped.
 HW_MUST_USE hw_status hw_report_note(hw_report *report, const char *format, ...) HW_PRINTF(2, 3);
+// The same for what went wrong: it is a warning too.
+HW_MUST_USE hw_status hw_report_warn(hw_report *report, const char *format, ...) HW_PRINTF(2, 3);
 // The column name of a metric.
 const char *hw_metric_name(hw_metric metric);
 // Mean, median, nearest-rank p99, ... of values[i * stride], i < count.
@@ -121,6 +125,9 @@ HW_MUST_USE hw_status hw_report_json(const hw_report *report, cJSON **out);
 HW_MUST_USE hw_status hw_report_write_csv(const hw_report *report, const char *path);
 // report.html, self-contained. Plots that gnuplot did not make leave a message in their place.
 HW_MUST_USE hw_status hw_report_write_html(const hw_report *report, const char *path);
+// For sections of the page: a heading and the plot, or the cause why it is missing.
+HW_MUST_USE hw_status hw_report_put_plot(hw_bytes_writer *page, const hw_plot *plot,
+                                         const char *title);
 // A short table.
 void hw_report_print(const hw_report *report, FILE *out);
 

@@ -293,7 +293,7 @@ static void put_pops(hw_bytes_writer *w, const hw_report *r)
     const hw_pop_summaries *s = &r->pop_summaries;
     char a[HW_FIGURE_CAPACITY], b[HW_FIGURE_CAPACITY], d[HW_FIGURE_CAPACITY];
     if (r->pops.count == 0) {
-        put_fact(w, "Pop at a cell crossing", "the tour stays in one cell");
+        put_fact(w, "Pop at a cell crossing", "no crossing between cells that the dataset has");
         return;
     }
     put_fact(w, "Pop at a cell crossing", "mean %s, most %s luma RMS, of %u crossings",
@@ -344,7 +344,7 @@ typedef struct plot_plan {
     bool log_y;
 } plot_plan;
 
-static hw_status put_plot(hw_bytes_writer *w, const hw_plot *plot, const char *title)
+hw_status hw_report_put_plot(hw_bytes_writer *w, const hw_plot *plot, const char *title)
 {
     char *svg = NULL;
     hw_status status = hw_plot_svg(plot, &svg);
@@ -381,7 +381,7 @@ static hw_status put_metric(hw_bytes_writer *w, const hw_report *r, const double
             .y = &r->configs[i].samples[0].values[plan->metric],
             .stride = (uint32_t)(sizeof(hw_report_sample) / sizeof(double)),
         };
-    return put_plot(w, &plot, plan->title);
+    return hw_report_put_plot(w, &plot, plan->title);
 }
 
 static hw_status put_pop_plot(hw_bytes_writer *w, const hw_report *r)
@@ -402,7 +402,7 @@ static hw_status put_pop_plot(hw_bytes_writer *w, const hw_report *r)
                           .series = {{"crossing", "var(--c)", &items->soft_jump, stride},
                                      {"without dissolves", "var(--a)", &items->hard_jump, stride},
                                      {"elsewhere", "var(--l)", &items->usual_jump, stride}}};
-    hw_status status = put_plot(w, &plot, "Jumps at crossings, without motion");
+    hw_status status = hw_report_put_plot(w, &plot, "Jumps at crossings, without motion");
     hw_free(times);
     return status;
 }

@@ -172,9 +172,7 @@ hw_status hw_streaming_measure(const hw_streaming_desc *desc, hw_streaming_repor
 {
     hw_status status = HW_OK;
     hw_target *target = NULL;
-    *out = (hw_streaming_report){.bandwidth = desc->bandwidth,
-                                 .gpu_budget = desc->gpu_budget,
-                                 .ram_budget = desc->ram_budget};
+    *out = (hw_streaming_report){.bandwidth = desc->bandwidth};
     HW_GO(make_times(desc->tour, out));
     HW_GO(hw_target_create(&target, desc->width, desc->height, desc->samples));
     for (uint32_t i = 0; i < HW_STREAMING_RUNS_MAX; i++)

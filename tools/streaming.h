@@ -39,7 +39,7 @@ typedef struct hw_streaming_run {
 typedef struct hw_streaming_report {
     uint32_t frame_count, run_count;
     double *times; // of the frames, on the tour, s
-    uint64_t bandwidth, gpu_budget, ram_budget;
+    uint64_t bandwidth;
     uint64_t rss_bytes_peak; // of a process that only plays the tour; 0 = unknown
     hw_streaming_run runs[HW_STREAMING_RUNS_MAX];
 } hw_streaming_report;

@@ -1,7 +1,6 @@
 // What streaming.c found, as JSON, as a section of the page, as text.
 #include "alloc.h"
 #include "json.h"
-#include "plot.h"
 #include "report.h"
 #include "streaming.h"
 #include <math.h>
@@ -110,7 +109,6 @@ typedef struct curve {
 static hw_status put_curve(const hw_streaming_report *r, const curve *c, hw_plot *plot,
                            double *values, hw_bytes_writer *w)
 {
-    char *svg = NULL;
     gather(r, plot->count, c->member, values);
     plot->y_label = c->axis;
     plot->log_y = c->log_y;
@@ -118,18 +116,7 @@ static hw_status put_curve(const hw_streaming_report *r, const curve *c, hw_plot
     for (uint32_t i = 0; i < r->run_count; i++)
         plot->series[plot->series_count++] =
             (hw_plot_series){r->runs[i].title, colors[i], values + i * plot->count, 1};
-    hw_status status = hw_plot_svg(plot, &svg);
-    if (status == HW_MEMORY)
-        return status;
-    hw_put_format(w, "<h3>%s</h3>\n<figure class=\"plot\" role=\"img\" aria-label=\"%s\">",
-                  c->title, c->title);
-    if (status == HW_OK)
-        hw_put_bytes(w, svg, strlen(svg));
-    else
-        hw_put_format(w, "<p class=\"error\">This plot is missing: gnuplot did not make it.</p>");
-    hw_put_format(w, "</figure>\n");
-    hw_free(svg);
-    return HW_OK;
+    return hw_report_put_plot(w, plot, c->title);
 }
 
 static hw_status put_curves(const hw_streaming_report *r, const double *crossings,

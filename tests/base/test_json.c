@@ -202,6 +202,31 @@ static void large_files_are_read(void **state)
     assert_int_equal(unlink(path), 0);
 }
 
+static void strings_become_utf8(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *text, *expected;
+    } cases[] = {
+        {"", ""},
+        {"plain", "plain"},
+        {"\xc3\xa4 \xe2\x82\xac \xf0\x9f\x97\xbf", "\xc3\xa4 \xe2\x82\xac \xf0\x9f\x97\xbf"},
+        {"t\xe4tra", "t_tra"},
+        {"\x80\xff", "__"},
+        {"cut \xe2\x82", "cut __"},
+        {"\xc0\xaf \xe0\x80\xaf \xed\xa0\x80 \xf4\x90\x80\x80", "__ ___ ___ ____"}};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        cJSON *json = cJSON_CreateObject();
+        assert_true(hw_json_add_string(json, "key", cases[i].text));
+        assert_string_equal(cJSON_GetObjectItem(json, "key")->valuestring, cases[i].expected);
+        hw_alloc_fail_after(1);
+        assert_false(hw_json_add_string(json, "other", cases[i].text));
+        hw_alloc_fail_after(0);
+        assert_null(cJSON_GetObjectItem(json, "other"));
+        cJSON_Delete(json);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -212,6 +237,7 @@ int main(void)
         cmocka_unit_test(documents_survive_the_disk),
         cmocka_unit_test(a_failed_write_is_told),
         cmocka_unit_test(large_files_are_read),
+        cmocka_unit_test(strings_become_utf8),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

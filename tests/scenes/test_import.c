@@ -234,6 +234,23 @@ static void save_triangle(const char *path, const char *rest)
     hw_bytes_writer_free(&json);
 }
 
+// The import fails with `expected` (any failure if HW_OK), names the file first, and the cause.
+static void expect_refused(const char *path, hw_status expected, const char *cause)
+{
+    hw_scene scene;
+    hw_mesh mesh;
+    hw_status status = hw_scene_import(path, &scene);
+    if (status == HW_OK)
+        fail_msg("%s was accepted", path);
+    if (expected != HW_OK && status != expected)
+        fail_msg("%s: %s", hw_status_text(status), hw_error_text());
+    if (strncmp(hw_error_text(), path, strlen(path)) != 0 || !strstr(hw_error_text(), cause))
+        fail_msg("\"%s\" does not name %s and the cause (%s)", hw_error_text(), path, cause);
+    assert_true(scene.object_count == 0 && scene.meshes == NULL);
+    assert_int_equal(hw_mesh_import(path, &mesh), status);
+    assert_null(mesh.positions);
+}
+
 // ---- Formats ------------------------------------------------------------------------------------
 
 static void assert_octahedron(const char *path)
@@ -345,6 +362,19 @@ static void test_off_oddities(void **state)
     assert_ok(hw_mesh_import("import_odd.off", &mesh));
     assert_true(mesh.colors[1].r == 51 && mesh.colors[1].g == 102 && mesh.colors[1].b == 255);
     hw_mesh_free(&mesh);
+    // Far out of range, on either side: as near as there is, and nothing else in the line.
+    save_text("import_odd.off", "COFF\n3 1 0\n0 0 0 -1e300 0 0\n1 0 0 0.0 -1e9 1e300\n"
+                                "0 1 0 1e300 0 51\n3 0 1 2");
+    assert_ok(hw_mesh_import("import_odd.off", &mesh));
+    assert_non_null(mesh.colors);
+    assert_int_equal(mesh.index_count, 3);
+    for (uint32_t i = 0; i < 3; i++) {
+        const hw_color8 *c = &mesh.colors[i];
+        int x = (int)mesh.positions[i].x, y = (int)mesh.positions[i].y;
+        assert_true(c->r == (y ? 255 : 0) && c->g == 0 && c->b == (x ? 255 : y ? 51 : 0));
+        assert_int_equal(c->a, 255);
+    }
+    hw_mesh_free(&mesh);
 }
 
 static double mesh_area(const hw_mesh *mesh)
@@ -382,6 +412,51 @@ static void test_polygons(void **state)
     put_text(&w, "\n");
     save(&w, "import_round.obj");
     assert_int_equal(hw_mesh_import("import_round.obj", &mesh), HW_LIMIT);
+}
+
+// A triangle that is 1 wide, 2 deep and 3 high for who reads x, y, z as right, back and up.
+static void save_collada(const char *path, const char *asset)
+{
+    hw_bytes_writer w = {0};
+    put_text(&w, "<?xml version=\"1.0\"?>\n<COLLADA version=\"1.4.1\" "
+                 "xmlns=\"http://www.collada.org/2005/11/COLLADASchema\">\n<asset>");
+    put_text(&w, asset);
+    put_text(&w, "</asset><library_geometries><geometry id=\"g\"><mesh><source id=\"p\">"
+                 "<float_array id=\"a\" count=\"9\">0 0 0 1 0 0 0 2 3</float_array>"
+                 "<technique_common><accessor source=\"#a\" count=\"3\" stride=\"3\">");
+    put_text(&w, "<param name=\"X\" type=\"float\"/><param name=\"Y\" type=\"float\"/>"
+                 "<param name=\"Z\" type=\"float\"/></accessor></technique_common></source>"
+                 "<vertices id=\"v\"><input semantic=\"POSITION\" source=\"#p\"/></vertices>");
+    put_text(&w, "<triangles count=\"1\"><input semantic=\"VERTEX\" source=\"#v\" offset=\"0\"/>"
+                 "<p>0 1 2</p></triangles></mesh></geometry></library_geometries>"
+                 "<library_visual_scenes><visual_scene id=\"s\"><node id=\"n\">");
+    put_text(&w, "<instance_geometry url=\"#g\"/></node></visual_scene></library_visual_scenes>"
+                 "<scene><instance_visual_scene url=\"#s\"/></scene></COLLADA>\n");
+    save(&w, path);
+}
+
+static void test_collada_stands_as_it_says(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *asset;
+        float min[3], max[3];
+    } cases[] = {{"<up_axis>Z_UP</up_axis>", {0, 0, 0}, {1, 2, 3}},
+                 {"<up_axis>Y_UP</up_axis>", {0, -3, 0}, {1, 0, 2}},
+                 {"", {0, -3, 0}, {1, 0, 2}}};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        hw_mesh mesh;
+        save_collada("import_a.dae", cases[i].asset);
+        assert_ok(hw_mesh_import("import_a.dae", &mesh));
+        hw_box box = hw_mesh_bounds(&mesh);
+        const float min[3] = {box.min.x, box.min.y, box.min.z};
+        const float max[3] = {box.max.x, box.max.y, box.max.z};
+        for (int k = 0; k < 3; k++) {
+            assert_close(min[k], cases[i].min[k], 1e-6);
+            assert_close(max[k], cases[i].max[k], 1e-6);
+        }
+        hw_mesh_free(&mesh);
+    }
 }
 
 // ---- Materials ----------------------------------------------------------------------------------
@@ -480,6 +555,71 @@ static void test_gltf_instances(void **state)
     hw_scene_free(&scene);
 }
 
+static void test_gltf_flattened(void **state)
+{
+    (void)state;
+    // Turned, flattened, turned again: flat, yet no row and no column of the product is 0, and with
+    // some turns rounding leaves a little of the determinant.
+    hw_bytes_writer rest = {0};
+    put_text(&rest, "\"scenes\":[{\"nodes\":[0,1");
+    for (int i = 1; i < 20; i++)
+        put_format(&rest, ",%d", 1 + 3 * i);
+    put_text(&rest, "]}],\"meshes\":[{\"primitives\":[" PRIMITIVE "]}],\"nodes\":[{\"mesh\":0}");
+    for (int i = 0; i < 20; i++) {
+        double a = 0.3 + 0.1 * i, b = 1.1 + 0.17 * i;
+        put_format(&rest, ",{\"rotation\":[%.7f,%.7f,0,0.8],\"children\":[%d]}", 0.6 * sin(a),
+                   0.6 * cos(a), 2 + 3 * i);
+        put_format(&rest, ",{\"scale\":[1,0,1],\"children\":[%d]}", 3 + 3 * i);
+        put_format(&rest, ",{\"rotation\":[0,%.7f,%.7f,0.6],\"mesh\":0}", 0.8 * sin(b),
+                   0.8 * cos(b));
+    }
+    put_text(&rest, "]");
+    hw_put_u8(&rest, 0);
+    save_triangle("import_flattened.glb", (const char *)rest.data);
+    hw_bytes_writer_free(&rest);
+    hw_scene scene;
+    assert_ok(hw_scene_import("import_flattened.glb", &scene));
+    assert_int_equal(scene.object_count, 1);
+    hw_scene_free(&scene);
+}
+
+static void test_gltf_extensions(void **state)
+{
+    (void)state;
+    save_triangle("import_ext.glb",
+                  "\"scenes\":[{\"nodes\":[0]}],\"meshes\":[{\"primitives\":[" PRIMITIVE
+                  "]}],\"nodes\":[{\"mesh\":0}],\"extensionsRequired\":[\"KHR_materials_unlit\","
+                  "\"KHR_lights_punctual\"]");
+    hw_mesh mesh;
+    assert_ok(hw_mesh_import("import_ext.glb", &mesh));
+    hw_mesh_free(&mesh);
+}
+
+static void test_gltf_buffer_names(void **state)
+{
+    (void)state;
+    // A buffer that is named by URI, beside one that is named as it is.
+    assert_ok(hw_dir_make("import_buffers"));
+    spill("import_buffers/the bin.bin", triangle.positions, sizeof triangle.positions);
+    spill("import_buffers/100%25.bin", triangle.indices, sizeof triangle.indices);
+    save_text(
+        "import_buffers/named.gltf",
+        "{\"asset\":{\"version\":\"2.0\"},\"scene\":0,\"scenes\":[{\"nodes\":[0]}],"
+        "\"nodes\":[{\"mesh\":0}],\"buffers\":[{\"byteLength\":36,\"uri\":\"the%20bin.bin\"},"
+        "{\"byteLength\":12,\"uri\":\"100%25.bin\"}],"
+        "\"bufferViews\":[{\"buffer\":0,\"byteLength\":36},{\"buffer\":1,\"byteLength\":12}],"
+        "\"accessors\":[{\"bufferView\":0,\"componentType\":5126,\"count\":3,\"type\":\"VEC3\"},"
+        "{\"bufferView\":1,\"componentType\":5125,\"count\":3,\"type\":\"SCALAR\"}],"
+        "\"meshes\":[{\"primitives\":[" PRIMITIVE "]}]}");
+    hw_mesh mesh;
+    assert_ok(hw_mesh_import("import_buffers/named.gltf", &mesh));
+    assert_int_equal(mesh.index_count, 3);
+    assert_close(hw_mesh_bounds(&mesh).max.z, 1, 0);
+    hw_mesh_free(&mesh);
+    assert_int_equal(unlink("import_buffers/the bin.bin"), 0);
+    expect_refused("import_buffers/named.gltf", HW_FORMAT, "the%20bin.bin is missing");
+}
+
 static void test_gltf_mirrors(void **state)
 {
     (void)state;
@@ -532,23 +672,6 @@ static void test_gltf_drops_other_primitives_vertices(void **state)
 }
 
 // ---- Bad input ----------------------------------------------------------------------------------
-
-// The import fails with `expected` (any failure if HW_OK), names the file first, and the cause.
-static void expect_refused(const char *path, hw_status expected, const char *cause)
-{
-    hw_scene scene;
-    hw_mesh mesh;
-    hw_status status = hw_scene_import(path, &scene);
-    if (status == HW_OK)
-        fail_msg("%s was accepted", path);
-    if (expected != HW_OK && status != expected)
-        fail_msg("%s: %s", hw_status_text(status), hw_error_text());
-    if (strncmp(hw_error_text(), path, strlen(path)) != 0 || !strstr(hw_error_text(), cause))
-        fail_msg("\"%s\" does not name %s and the cause (%s)", hw_error_text(), path, cause);
-    assert_true(scene.object_count == 0 && scene.meshes == NULL);
-    assert_int_equal(hw_mesh_import(path, &mesh), status);
-    assert_null(mesh.positions);
-}
 
 static void test_bad_files(void **state)
 {
@@ -666,6 +789,10 @@ static void test_bad_gltf(void **state)
     expect_refused_glb(SCENE "\"nodes\":[{\"mesh\":0}],"
                              "\"extensionsRequired\":[\"KHR_draco_mesh_compression\"]",
                        "KHR_draco_mesh_compression");
+    expect_refused_glb(SCENE "\"nodes\":[{\"mesh\":0}],\"extensionsRequired\":["
+                             "\"KHR_materials_unlit\",\"EXT_mesh_gpu_instancing\"]",
+                       "EXT_mesh_gpu_instancing");
+    expect_refused_glb(SCENE "\"nodes\":[{\"mesh\":0}],\"extensionsRequired\":[7]", "an extension");
     expect_refused_glb(SCENE "\"nodes\":[{\"mesh\":0}],\"images\":[{\"bufferView\":0,"
                              "\"mimeType\":\"picture\"}]",
                        "media type");
@@ -802,12 +929,16 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_formats),
         cmocka_unit_test(test_3ds_stands_as_in_the_file),
+        cmocka_unit_test(test_collada_stands_as_it_says),
         cmocka_unit_test(test_ply_colors),
         cmocka_unit_test(test_off_oddities),
         cmocka_unit_test(test_polygons),
         cmocka_unit_test(test_obj_materials),
         cmocka_unit_test(test_gltf_turns_upright),
         cmocka_unit_test(test_gltf_instances),
+        cmocka_unit_test(test_gltf_flattened),
+        cmocka_unit_test(test_gltf_extensions),
+        cmocka_unit_test(test_gltf_buffer_names),
         cmocka_unit_test(test_gltf_mirrors),
         cmocka_unit_test(test_gltf_drops_other_primitives_vertices),
         cmocka_unit_test(test_bad_files),

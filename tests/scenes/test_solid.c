@@ -115,6 +115,31 @@ static void test_large_meshes_get_coarse_cubes(void **state)
     hw_mesh_free(&mesh);
 }
 
+// A sheet of 4.5 million tiny triangles needs no larger cubes than one of a few.
+static void test_many_triangles_stay_fine(void **state)
+{
+    (void)state;
+    enum { SIDE = 1500 };
+    hw_mesh mesh = {.vertex_count = (SIDE + 1) * (SIDE + 1), .index_count = 6 * SIDE * SIDE};
+    assert_int_equal(HW_NEW(&mesh.positions, mesh.vertex_count), HW_OK);
+    assert_int_equal(HW_NEW(&mesh.indices, mesh.index_count), HW_OK);
+    for (uint32_t i = 0; i < mesh.vertex_count; i++)
+        mesh.positions[i] =
+            hw_v3(10 * (float)(i % (SIDE + 1)) / SIDE, 10 * (float)(i / (SIDE + 1)) / SIDE, 0);
+    for (uint32_t i = 0; i < SIDE * SIDE; i++) {
+        uint32_t a = i / SIDE * (SIDE + 1) + i % SIDE, b = a + SIDE + 1;
+        const uint32_t quad[6] = {a, a + 1, b, b, a + 1, b + 1};
+        memcpy(mesh.indices + 6 * (size_t)i, quad, sizeof quad);
+    }
+    hw_solid s;
+    assert_int_equal(hw_solid_make(&s, &mesh, 1), HW_OK);
+    assert_true(s.side == 1);
+    assert_true(taken(&s, 5.2, 5.2, 0.1));
+    assert_false(taken(&s, 5.2, 5.2, 1.6) || taken(&s, 12.6, 5.2, 0.1));
+    hw_solid_free(&s);
+    hw_mesh_free(&mesh);
+}
+
 static void test_solid_without_memory(void **state)
 {
     (void)state;
@@ -180,6 +205,7 @@ int main(void)
         cmocka_unit_test(test_open_box_is_hollow),
         cmocka_unit_test(test_slanted_shells_are_tight),
         cmocka_unit_test(test_large_meshes_get_coarse_cubes),
+        cmocka_unit_test(test_many_triangles_stay_fine),
         cmocka_unit_test(test_solid_without_memory),
         cmocka_unit_test(test_box_grid_finds_what_is_near),
     };

@@ -241,12 +241,13 @@ static void missing_files_name_the_cure(void **state)
 static void bad_files_are_errors(void **state)
 {
     (void)state;
-    static const char *const texts[] = {"",
-                                        "OFF\n",
-                                        "OFF\n3 1 0\n0 0 0\n1 0 0\n",
+    static const char *const texts[] = {"", "OFF\n", "OFF\n3 1 0\n0 0 0\n1 0 0\n",
                                         "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n",
                                         "OFF\n3 1 0\n0 0 0\n1 0 0\n0 nan 0\n3 0 1 2\n",
-                                        "OFF\n3 1 0\n0 0 0\n1 0 0\n2 0 0\n3 0 1 2\n"};
+                                        "OFF\n3 1 0\n0 0 0\n1 0 0\n2 0 0\n3 0 1 2\n",
+                                        // One triangle, both ways round or alone: a flap.
+                                        "OFF\n3 2 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n3 0 2 1\n",
+                                        "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"};
     char path[128];
     hw_statue statue = idol(plain);
     snprintf(path, sizeof path, "%s/idol.off", folder);

@@ -208,6 +208,26 @@ static void options_are_kept(void **state)
     hw_scene_free(&scene);
 }
 
+// With a clearance that is small beside the squares of the plan the way leads through all the same.
+static void small_clearances_are_no_circles(void **state)
+{
+    (void)state;
+    hw_scene scene;
+    hw_tour tour;
+    scene_strewn(&scene, 14, 40, 0, 0, 1);
+    hw_tour_options options = {.clearance = 0.2};
+    assert_int_equal(hw_tour_generate(&scene, &options, &tour), HW_OK);
+    limits l = standard;
+    l.clearance = 0.2;
+    assert_keeps_limits(&scene, &tour, l);
+    uint32_t inside = 0;
+    for (uint32_t i = 0; i < tour.frame_count; i++)
+        inside += fabsf(tour.frames[i].eye.x) < 700 && fabsf(tour.frames[i].eye.y) < 700;
+    assert_true(inside > tour.frame_count / 2);
+    hw_tour_free(&tour);
+    hw_scene_free(&scene);
+}
+
 static void one_object_is_circled(void **state)
 {
     (void)state;
@@ -530,6 +550,7 @@ int main(void)
         cmocka_unit_test(a_park_is_a_good_course),
         cmocka_unit_test(any_seed_and_place_keeps_limits),
         cmocka_unit_test(options_are_kept),
+        cmocka_unit_test(small_clearances_are_no_circles),
         cmocka_unit_test(one_object_is_circled),
         cmocka_unit_test(odd_scenes_have_tours),
         cmocka_unit_test(narrow_ways_are_kept),

@@ -131,7 +131,10 @@ EOF
     printf 'HXWC' >cut.hxc
     mkdir folder
     echo '{"version": 99}' >folder/manifest.json
+    cp tetra.obj $'t\xe4tra.obj'
     mkdir bare
+    ln -s tetra.off link.off
+    md5sum tetra.* >sums
     echo '{"fov_degrees": 60, "frames": []}' >none.json
     echo '{"fov_degrees": 60, "frames": [{"t": 0, "eye": [0, 0, 12], "forward": [1, 0, 0], "up": [0, 0, 1]}]}' >one.json
 }
@@ -166,6 +169,21 @@ check_usage() {
     expect 2 'help measure' measure data --tour one.json
     expect 2 'help park' park --preset 8m
     expect 2 'help park' park --preset 9m --statues bare -o park.glb
+    expect 2 '--output park.obj: .*.glb' park --preset demo --statues bare -o park.obj
+    # What would be without effect, and what would write over what is read.
+    expect 2 '--every is about --along' build tetra.off -o data --every 1
+    expect 2 '--cluster-error is about --clusters on' build tetra.off -o data --cluster-error 3
+    expect 2 '--map-by is about --map' info tetra.off --map-by bytes
+    expect 2 '--map-side is about --map' info tetra.off --map-side 1200
+    expect 2 '--heatmap heat.obj: .*.ply' compare tetra.off tetra.ply --heatmap heat.obj
+    expect 2 'file to be read' compare tetra.off tetra.ply --heatmap tetra.ply
+    expect 2 'file to be read' compare tetra.off tetra.ply --json tetra.off
+    expect 2 'file to be read' tour tetra.off -o bare/../tetra.off
+    expect 2 'file to be read' tour tetra.off -o result.json --json tetra.off
+    expect 2 'file to be read' info tetra.off --json link.off
+    expect 2 'file to be read' build tetra.off -o data --json tetra.off
+    expect 2 'file to be read' simplify tetra.off -o small.ply --faces 2 --json tetra.off
+    expect 2 'file to be read' measure data --tour one.json -o report --json one.json
 }
 
 check_help() {
@@ -215,6 +233,14 @@ check_scenes() {
     expect 0 '^triangles +4$' info -q -- tetra.ply
     expect 0 '^objects +1$' info tetra.obj --json info.json
     expect 0 '^frames +1$' info one.json
+    start check_encoding
+}
+
+# JSON is UTF-8, whatever a file is called.
+check_encoding() {
+    "$hexwalk" info $'t\xe4tra.obj' --json latin.json >"$1.out" 2>"$1.err" &&
+        python3 -c 'import json; assert json.load(open("latin.json", encoding="utf-8"))["path"] == "t_tra.obj"' 2>>"$1.err" ||
+        fail "$1" 'a name in Latin-1'
 }
 
 check_datasets() {
@@ -237,6 +263,26 @@ check_outputs() {
     expect 1 'kept' build tetra.off -o kept
     start check_full_stdout
     start check_full_disk
+    start check_closed_descriptors
+}
+
+# A closed standard descriptor is taken at once, so that no file gets its number. Yet printing to a
+# closed output fails as ever.
+check_closed_descriptors() {
+    python3 - "$hexwalk" >"$1.out" 2>"$1.err" <<'PYTHON' || fail "$1" 'with standard error closed, its number is free'
+import os, subprocess, sys
+build = subprocess.Popen([sys.argv[1], "build", "tetra.off", "-o", "closed"], stdout=subprocess.DEVNULL,
+                         preexec_fn=lambda: os.close(2))
+seen = set()
+while build.poll() is None:
+    try:
+        seen.add(os.readlink(f"/proc/{build.pid}/fd/2"))
+    except OSError:
+        pass
+assert build.returncode == 0 and "/dev/null" in seen, (build.returncode, seen)
+PYTHON
+    "$hexwalk" help 2>"$1.err" >&-
+    [[ $? -eq 1 ]] && grep -q 'standard output' "$1.err" || fail "$1" 'hexwalk help >&-'
 }
 
 # A full disk behind a redirection is a failure too.
@@ -261,6 +307,7 @@ check_datasets
 check_outputs
 wait
 unchanged kept kept
+md5sum --quiet -c sums || fail checks/0 'an input was changed'
 unchanged tour.json earlier
 no_leftovers
 grep -q '"triangles":[[:space:]]*4' info.json || fail checks/0 'info.json lacks the triangles'

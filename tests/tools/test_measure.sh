@@ -127,11 +127,20 @@ run 0 measure data --tour tour.json --configs C -o stream --every 1000 --size 64
         and (page.count("<svg") == 8 or "gnuplot" in page)'
 run 2 measure data --tour tour.json --configs C -o wrong --bandwidth 2M
 
+# Of one cell of many there is no crossing; memory that cannot be told is a warning, and a note.
+run 0 build balls.obj -o part --cell-size 60 --along tour.json --every 1000 --quiet
+mkdir -p noted/memory_C.json.tmp
+run 0 measure part --tour tour.json --configs C -o noted --every 1000 --size 64x64 \
+    --reference-samples 1 --repeat 1
+grep -q 'warning: The process memory of configuration C is unknown' log || fail 'no warning of unknown memory'
+grep -q 'memory of configuration C is unknown' noted/report.json || fail 'no note of unknown memory'
+grep -q 'no crossing between cells that the dataset has' noted/report.html || fail 'crossings of a part'
+
 # Without gnuplot the page says so in place of the plots.
 mkdir empty
 PATH=$work/empty run 0 measure data --tour tour.json --configs B,C -o bare --every 12 --size 64x64 \
-    --reference-samples 2 --repeat 1 --quiet &&
-    check 'without gnuplot' bare 2 B,C 'page.count("<svg") == 0 and page.count("gnuplot is not installed") == 5'
+    --reference-samples 2 --repeat 1 --streaming --quiet &&
+    check 'without gnuplot' bare 2 B,C 'page.count("<svg") == 0 and page.count("gnuplot is not installed") == 8'
 
 # Another scene than the dataset's is refused by name, and a failure leaves no report.
 make_scene 9 >balls.obj

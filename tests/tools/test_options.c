@@ -227,6 +227,25 @@ static void bytes_have_units(void **state)
         snprintf(line, sizeof line, "in --bytes %s", bad[i]);
         assert_usage(line, "--bytes: ");
     }
+    // A blank is no unit; parse() splits at blanks.
+    static const char *const blank[] = {"512 B", "512 ", "512 M", "5\t"};
+    for (size_t i = 0; i < sizeof blank / sizeof *blank; i++) {
+        const char *argv[] = {"in", "--bytes", blank[i]};
+        assert_int_equal(hw_options_parse(&command, 3, argv, &positional, &help), HW_USAGE);
+    }
+}
+
+static void given_options_are_known(void **state)
+{
+    (void)state;
+    static const char *const names[] = {"size", "count", "flag", NULL};
+    assert_int_equal(parse(&command, "in --count 4 --ratio 0.5"), HW_OK);
+    assert_true(hw_option_given(&command, "count")); // the default, yet given
+    assert_false(hw_option_given(&command, "size") || hw_option_given(&command, "nothing"));
+    assert_int_equal(hw_options_refuse(&command, names, "goes with --ratio"), HW_USAGE);
+    assert_string_equal(hw_error_text(), "--count goes with --ratio");
+    assert_int_equal(parse(&command, "in -o --flag -- --count"), HW_OK);
+    assert_int_equal(hw_options_refuse(&command, names, "goes with --ratio"), HW_OK);
 }
 
 static void help_and_quiet(void **state)
@@ -326,7 +345,7 @@ int main(void)
         FRESH(wrong_usage_is_named),      FRESH(bad_numbers_are_named),
         FRESH(bytes_have_units),          FRESH(help_and_quiet),
         FRESH(help_comes_from_the_table), FRESH(the_man_page_is_sound_roff),
-        FRESH(values_become_json),
+        FRESH(values_become_json),        FRESH(given_options_are_known),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

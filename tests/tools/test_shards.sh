@@ -76,6 +76,18 @@ for by in bytes triangles far near; do
     grep -q "^map by *$by" log && grep -q '^map darkest' log || fail "no legend of the map by $by"
     [[ $(head -c 4 "$by.png" | tail -c 3) == PNG ]] || fail "$by.png is no picture"
 done
+# A grid of four thousand million cells of which few are there, and an object far away: no matter.
+mkdir wide
+python3 - <<'PYTHON'
+import json
+m = json.load(open("whole/manifest.json"))
+m["grid"].update(columns=65535, rows=65535)
+m["objects"][0]["bounds"] = [1e9, 1e9, 0, 1.1e9, 1.1e9, 10]
+json.dump(m, open("wide/manifest.json", "w"))
+PYTHON
+if ! grep -q __asan_init "$hexwalk" && ! grep -q __tsan_init "$hexwalk"; then # they map far more
+    (ulimit -v 8000000 && "$hexwalk" info wide --map wide.png --map-side 64 >log 2>&1) || fail 'a map of a wide grid'
+fi
 refused 2 'map is for datasets' info balls.obj --map no.png
 
 echo "$failures failures"

@@ -219,6 +219,8 @@ run 0 "of $balls" all.hxp -o back.glb --faces 700
 between back.glb 696 700
 
 run 0 '->' sheet.off --progressive exact.hxp --ratio 0.05
+run 0 'triangles of 800' exact.hxp -o back.ply --faces 100 --json back.json
+check back.json "r['faces_original'] == 800 and 0 < r['faces'] <= 100 and r['options']['faces'] == 100"
 run 0 '->' sheet.off --progressive rough.hxp --ratio 0.05 --precision 10
 [[ $(stat -c %s rough.hxp) -lt $(stat -c %s exact.hxp) ]] || { : >log; fail '10 bits take no less'; }
 run 0 '800 triangles of 800' rough.hxp -o rough.ply
@@ -277,7 +279,8 @@ usage=(
     '--faces and --ratio' 'sheet.off -o new.ply --faces 10 --ratio 0.5'
     '--faces and --ratio' 'exact.hxp -o new.ply --faces 10 --ratio 0.5'
     'how far' 'sheet.off -o new.ply'
-    'how far' 'sheet.off -o new.ply --ratio 0'
+    '--ratio: 0 is not within' 'sheet.off -o new.ply --ratio 0'
+    '--error: 0 is not within' 'sheet.off -o new.ply --faces 10 --error 0'
     '--ratio' 'sheet.off -o new.ply --ratio 1.5'
     '--ratio' 'sheet.off -o new.ply --ratio -1'
     '--faces' 'sheet.off -o new.ply --faces 0'
@@ -313,6 +316,12 @@ usage=(
     '--kappa-decay' 'sheet.off -o new.ply --faces 10 --metric pm --kappa-decay 1.5'
     'progressive mesh' 'exact.hxp --progressive new.hxp'
     'progressive mesh' 'exact.hxp -o new.ply --vertices 10'
+    '--metric is without effect' 'exact.hxp -o new.ply --faces 10 --metric quadric'
+    '--fit is without effect' 'exact.hxp -o new.ply --faces 10 --fit 1'
+    '--precision is without effect' 'exact.hxp -o new.ply --faces 10 --precision lossless'
+    '--hierarchy is without effect' 'exact.hxp -o new.ply --faces 10 --hierarchy linear'
+    '--placement is without effect' 'exact.hxp -o new.ply --faces 10 --placement 1'
+    '--eye is without effect' 'exact.hxp -o new.ply --faces 10 --eye 1,2,3'
     'missing' '-o new.ply --faces 10'
     'one argument too many' 'sheet.off sheet.off -o new.ply --faces 10'
     "did you mean '--faces'" 'sheet.off -o new.ply --facs 10'
