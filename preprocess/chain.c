@@ -15,6 +15,8 @@
 #define OUTLINE_VIEWS      8u
 #define OUTLINE_RESOLUTION 1024u
 #define DEVIATION_SAMPLES  4000u
+#define SAMPLES_A_FACE     2u // of the original are enough
+#define DEVIATION_LEAST    500u
 
 typedef struct maker {
     const hw_mesh *original;
@@ -55,6 +57,14 @@ static float shading_as_length(const maker *m, float shading)
     return (float)(area / length * (double)shading * (double)shading);
 }
 
+static uint32_t samples_of(const hw_mesh *mesh)
+{
+    uint32_t faces = mesh->index_count / 3;
+    if (faces >= DEVIATION_SAMPLES / SAMPLES_A_FACE)
+        return DEVIATION_SAMPLES;
+    return faces * SAMPLES_A_FACE > DEVIATION_LEAST ? faces * SAMPLES_A_FACE : DEVIATION_LEAST;
+}
+
 // Pulls vertices back, takes shading over, and measures.
 static hw_status finish_level(void *context, uint64_t index, uint32_t thread)
 {
@@ -69,7 +79,7 @@ static hw_status finish_level(void *context, uint64_t index, uint32_t thread)
         HW_TRY(hw_fit_shading(level, m->original, m->rays));
     hw_deviation surface;
     float outline;
-    HW_TRY(hw_surface_deviation(m->rays, m->original, level, DEVIATION_SAMPLES, l, &surface));
+    HW_TRY(hw_surface_deviation(m->rays, m->original, level, samples_of(m->original), l, &surface));
     HW_TRY(hw_outline_deviation(m->outline, level, &outline));
     if (!(hw_outline_length(m->outline) > 0))
         outline = surface.p99; // flat, it has no outline to be seen from aside
