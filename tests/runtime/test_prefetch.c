@@ -1,112 +1,25 @@
 // Streaming: what is fetched when, within which budgets, and what is drawn while data are late.
-#include "models.h"
+#include "stream_walks.h"
 
 #include "../cells/web.h"
 #include "prefetch.h"
-#include "stream_dataset.h"
 
 #include <sys/stat.h>
-#include <unistd.h>
-
-#define SIZE  96u
-#define FRAME (1 / 30.0) // seconds
-
-typedef struct fixture {
-    hw_context *context;
-    hw_target *target;
-    stream_dataset dataset;
-} fixture;
 
 static int open_fixture(void **state)
 {
     static fixture f;
-    assert_int_equal(model_context_open((void **)&f.context), 0);
-    assert_ok(hw_target_create(&f.target, SIZE, SIZE, 1));
-    stream_make(&f.dataset);
     *state = &f;
-    return 0;
+    assert_int_equal(model_context_open((void **)&f.context), 0);
+    return open_dataset(&f);
 }
 
 static int close_fixture(void **state)
 {
     fixture *f = *state;
-    hw_target_destroy(f->target);
+    int status = close_dataset(f);
     hw_context_destroy(f->context);
-    return stream_remove(&f->dataset);
-}
-
-static hw_renderer *open_crossing(const char *location, const hw_streaming *streaming, double width)
-{
-    const hw_renderer_desc desc = {.config = HW_CONFIG_C,
-                                   .dataset = location,
-                                   .streaming = *streaming,
-                                   .crossing_width = width};
-    hw_renderer *renderer = NULL;
-    assert_ok(hw_renderer_create(&desc, &renderer));
-    return renderer;
-}
-
-static hw_renderer *open_renderer(const char *location, const hw_streaming *streaming)
-{
-    return open_crossing(location, streaming, 0);
-}
-
-// A walk in a straight line through several cells, with a look back in the middle.
-static hw_camera walk_camera(double t)
-{
-    double x = -150 + 30 * t, y = -60 + 9 * t, angle = 0.3 + (t > 5 && t < 6 ? 2.5 : 0);
-    return model_camera(hw_v3((float)x, (float)y, 0),
-                        hw_v3((float)cos(angle), (float)sin(angle), 0), SIZE);
-}
-
-static uint32_t count_holes(const fixture *f)
-{
-    hw_image image = {0};
-    uint32_t holes = 0;
-    assert_ok(hw_target_read(f->target, &image));
-    for (uint32_t i = 0; i < SIZE * SIZE; i++)
-        holes += image.data[i * 4 + 3] != 255;
-    hw_image_free(&image);
-    return holes;
-}
-
-static hw_frame_stats draw(const fixture *f, hw_renderer *renderer, const hw_camera *camera)
-{
-    hw_frame_stats stats;
-    hw_target_bind(f->target);
-    assert_ok(hw_renderer_draw(renderer, camera, &stats));
-    assert_int_equal(count_holes(f), 0);
-    return stats;
-}
-
-// What a walk by simulated time came to.
-typedef struct walked {
-    uint32_t frames, missing, late;
-    uint64_t gpu_peak, ram_peak, upload_peak, read_bytes;
-} walked;
-
-static walked walk(const fixture *f, hw_renderer *renderer, double seconds)
-{
-    walked sum = {0};
-    uint64_t uploaded = 0;
-    for (double t = 0; t < seconds; t += FRAME) {
-        hw_camera camera = walk_camera(t);
-        hw_frame_stats stats = draw(f, renderer, &camera);
-        const hw_stream_stats *s = &stats.stream;
-        uint64_t upload = s->uploaded_bytes - uploaded;
-        uploaded = s->uploaded_bytes;
-        sum.upload_peak = sum.frames > 0 && upload > sum.upload_peak ? upload : sum.upload_peak;
-        sum.missing += sum.frames > 0 && s->missing > 0;
-        sum.late += s->late_cells > 0;
-        sum.gpu_peak = s->gpu_bytes > sum.gpu_peak ? s->gpu_bytes : sum.gpu_peak;
-        sum.ram_peak = s->ram_bytes_peak;
-        sum.read_bytes = s->read_bytes;
-        sum.frames++;
-        assert_int_equal(stats.stalls, 0);
-        assert_int_equal(s->problem_count, 0);
-        hw_renderer_advance(renderer, FRAME);
-    }
-    return sum;
+    return status;
 }
 
 // ---- priorities ----
@@ -200,18 +113,6 @@ static void test_nothing_missing(void **state)
     assert_true(sum.frames >= 300);
     assert_true(sum.upload_peak <= UINT64_C(1) << 19);
     hw_renderer_destroy(renderer);
-}
-
-// Stands where the walk is after t seconds; the last frame tells.
-static hw_frame_stats rest(const fixture *f, hw_renderer *renderer, double t, int frames)
-{
-    hw_camera camera = walk_camera(t);
-    hw_frame_stats stats = {0};
-    for (int i = 0; i < frames; i++) {
-        stats = draw(f, renderer, &camera);
-        hw_renderer_advance(renderer, FRAME);
-    }
-    return stats;
 }
 
 // The same walk, starved: every frame is whole, some with other data than wanted; a rest lets the
@@ -381,26 +282,6 @@ static void hide_cells(const fixture *f, bool hide)
     snprintf(from, sizeof from, "%s/%s", f->dataset.folder, hide ? "cells" : "hidden");
     snprintf(to, sizeof to, "%s/%s", f->dataset.folder, hide ? "hidden" : "cells");
     assert_int_equal(rename(from, to), 0);
-}
-
-// One step of time, simulated or real.
-static hw_frame_stats step(const fixture *f, hw_renderer *renderer, const hw_camera *camera,
-                           bool real)
-{
-    hw_frame_stats stats = draw(f, renderer, camera);
-    if (real)
-        usleep(2000);
-    hw_renderer_advance(renderer, FRAME);
-    return stats;
-}
-
-// Whether a frame lacks nothing in the end.
-static bool catches_up(const fixture *f, hw_renderer *renderer, const hw_camera *camera, bool real)
-{
-    for (int i = 0; i < 5000; i++)
-        if (step(f, renderer, camera, real).stream.missing == 0)
-            return true;
-    return false;
 }
 
 static void check_vanished(fixture *f, hw_loading loading)
