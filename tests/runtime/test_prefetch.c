@@ -129,6 +129,16 @@ static void test_late_data(void **state)
     hw_renderer_destroy(renderer);
 }
 
+// Late frames show the closest complete cell.
+static void test_closest(void **state)
+{
+    (void)state;
+    fixture f = {.dataset = {.colored = true}};
+    assert_int_equal(open_dataset(&f), 0);
+    check_closest(&f, NULL);
+    assert_int_equal(close_dataset(&f), 0);
+}
+
 // Frames are the same whether data were waited for or prefetched.
 static void test_same_frames(void **state)
 {
@@ -359,19 +369,15 @@ static void test_no_first_frame(void **state)
     }
 }
 
-// Neither is one whose near mesh has a sound table but no level that can be read.
-static void test_no_first_level(void **state)
+// Damages the first `count` levels of the near mesh; its table stays sound.
+static void damage_levels(const fixture *f, uint32_t count)
 {
-    fixture *f = *state;
     char path[96];
     hw_mesh_file *file;
-    hw_camera camera = walk_camera(0);
-    const hw_streaming streaming = {.loading = HW_LOADING_SIMULATED};
-    hw_renderer *renderer = open_renderer(f->dataset.folder, &streaming);
     snprintf(path, sizeof path, "%s/meshes/0.hxm", f->dataset.folder);
     assert_ok(hw_mesh_file_open(&file, path));
     FILE *out = fopen(path, "r+b");
-    for (uint32_t i = 0; i < STREAM_BALL_LODS; i++) {
+    for (uint32_t i = 0; i < count; i++) {
         uint64_t offset, size;
         hw_mesh_file_level_place(file, i, &offset, &size);
         assert_int_equal(fseek(out, (long)(offset + size / 2), SEEK_SET), 0);
@@ -379,10 +385,52 @@ static void test_no_first_level(void **state)
     }
     fclose(out);
     hw_mesh_file_close(file);
+}
+
+// Neither is one whose near mesh has no level that can be read.
+static void test_no_first_level(void **state)
+{
+    fixture *f = *state;
+    hw_camera camera = walk_camera(0);
+    const hw_streaming streaming = {.loading = HW_LOADING_SIMULATED};
+    hw_renderer *renderer = open_renderer(f->dataset.folder, &streaming);
+    damage_levels(f, STREAM_BALL_LODS);
     assert_int_not_equal(hw_renderer_draw(renderer, &camera, NULL), HW_OK);
     assert_non_null(strstr(hw_error_text(), "0.hxm"));
     stream_write_ball(&f->dataset);
     hw_renderer_destroy(renderer);
+}
+
+static uint32_t ball_triangles(uint32_t level)
+{
+    return 2u * (64u >> level) * ((32u >> level) - 1);
+}
+
+// A ball whose wanted level is late is drawn as coarse as it is there, not left out.
+static void test_late_level(void **state)
+{
+    fixture *f = *state;
+    const hw_manifest *m = &f->dataset.manifest;
+    const hw_streaming streaming = {.loading = HW_LOADING_SIMULATED};
+    hw_vec3 ball = hw_box_centre(m->objects[6 + m->cell_count / 2].bounds);
+    hw_camera camera = model_camera(hw_v3_add(ball, hw_v3(-4, 0, 0)), hw_v3(1, 0, 0), SIZE);
+    camera.fov_degrees = 10; // no other ball is in view
+    for (uint32_t best = 0; best < STREAM_BALL_LODS; best++) {
+        damage_levels(f, best);
+        hw_renderer *renderer = open_renderer(f->dataset.folder, &streaming);
+        for (int i = 0; i < 60; i++) {
+            hw_frame_stats stats = step(f, renderer, &camera, false);
+            assert_int_equal(stats.stream.late_cells, 0);
+            if (i >= 59 || best + 1 == STREAM_BALL_LODS)
+                assert_int_equal(stats.near_triangles, ball_triangles(best));
+            assert_true(stats.near_triangles >= ball_triangles(STREAM_BALL_LODS - 1));
+            assert_true(best == 0 || stats.stream.missing == 1);
+        }
+        stream_write_ball(&f->dataset);
+        assert_true(catches_up(f, renderer, &camera, false));
+        assert_int_equal(draw(f, renderer, &camera).near_triangles, ball_triangles(0));
+        hw_renderer_destroy(renderer);
+    }
 }
 
 static uint64_t file_bytes(const char *path)
@@ -438,13 +486,21 @@ static void test_web(void **state)
     web w;
     web_open(&w, f->dataset.folder);
     const hw_streaming streaming = {.loading = HW_LOADING_AHEAD};
-    hw_renderer *renderer = open_renderer(w.location, &streaming);
     for (size_t i = 0; i < sizeof faults / sizeof *faults; i++) {
-        hw_camera camera = walk_camera((double)i);
-        web_misbehave(&w, faults[i], 2);
+        hw_renderer *renderer = open_renderer(w.location, &streaming);
+        double t = 0;
+        hw_camera camera = walk_camera(t);
         assert_true(catches_up(f, renderer, &camera, true));
+        web_misbehave(&w, faults[i], 2);
+        // A way long enough to meet it: what is there already needs no server.
+        while (atomic_load(&w.faults_left) > 0 && t < 12) {
+            camera = walk_camera(t += 0.5);
+            assert_true(catches_up(f, renderer, &camera, true));
+        }
+        assert_int_equal(atomic_load(&w.faults_left), 0);
+        assert_true(catches_up(f, renderer, &camera, true));
+        hw_renderer_destroy(renderer);
     }
-    hw_renderer_destroy(renderer);
     web_close(&w);
 }
 
@@ -460,6 +516,12 @@ static void test_web_goes(void **state)
     hw_camera start = walk_camera(0), end = walk_camera(9);
     assert_true(catches_up(f, renderer, &start, true));
     web_close(&w);
+    const hw_renderer_desc desc = {
+        .config = HW_CONFIG_C, .dataset = w.location, .streaming = streaming};
+    hw_renderer *none = NULL;
+    assert_int_equal(hw_renderer_create(&desc, &none), HW_IO);
+    assert_null(none);
+    assert_non_null(strstr(hw_error_text(), w.location));
     for (int i = 0; i < 100; i++)
         assert_int_equal(step(f, renderer, &end, true).stalls, 0);
     hw_renderer_destroy(renderer);
@@ -492,6 +554,7 @@ int main(void)
         cmocka_unit_test(test_distances),
         cmocka_unit_test(test_nothing_missing),
         cmocka_unit_test(test_late_data),
+        cmocka_unit_test(test_closest),
         cmocka_unit_test(test_same_frames),
         cmocka_unit_test(test_budgets),
         cmocka_unit_test(test_crossings),
@@ -499,6 +562,7 @@ int main(void)
         cmocka_unit_test(test_least_memory),
         cmocka_unit_test(test_draw_allocates_nothing),
         cmocka_unit_test(test_no_first_level),
+        cmocka_unit_test(test_late_level),
         cmocka_unit_test(test_nothing_twice),
         cmocka_unit_test(test_simulated_waits),
         cmocka_unit_test(test_vanished),
