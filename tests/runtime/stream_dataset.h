@@ -1,9 +1,11 @@
 // A dataset made by hand for tests of streaming: six far walls close the view all round, so that a
-// pixel without an object is a hole; and a near ball stands in every cell. Include after models.h.
+// pixel without an object is a hole; and a near ball stands in every cell. With two levels of cells
+// a group has three of the walls, and its cells have the other three. Include after models.h.
 #pragma once
 #include "block.h"
 #include "cell_file.h"
 #include "file.h"
+#include "hierarchy.h"
 #include "manifest.h"
 #include "mesh_file.h"
 #include "rng.h"
@@ -20,18 +22,38 @@
 typedef struct stream_dataset {
     char folder[64];
     hw_manifest manifest;
+    int32_t levels; // 0: one
+    bool colored;   // the walls of a cell have one colour, its own; else they are the same in all
 } stream_dataset;
+
+// Which walls a cell has. Not the same ones in all groups: the cell of one and the group of another
+// would leave holes.
+static bool stream_has_wall(const stream_dataset *d, hw_cell_id id, uint32_t face)
+{
+    if (d->levels < 2)
+        return true;
+    hw_cell_id group = hw_cell_ancestor(id, 1);
+    return (((uint32_t)(group.q + group.r) + face) & 1) == (uint32_t)id.level;
+}
+
+// Of the cell at this place in the manifest.
+static void stream_color(uint32_t index, uint8_t color[3])
+{
+    for (int k = 0; k < 3; k++, index /= 5)
+        color[k] = (uint8_t)(20 + index % 5 * 50);
+}
 
 // Wall `face` as the capture from this cell's centre sees it.
 static void stream_wall(hw_cell *cell, uint32_t face)
 {
+    uint32_t record = cell->far_count++;
     static const uint32_t pattern[6] = {0, 1, 3, 0, 3, 2};
     hw_vec3 axis, right, up;
     hw_face_basis((int)face, &axis, &right, &up);
     double depth = STREAM_WALL - (double)hw_v3_dot(cell->centre, axis);
     double x = (double)hw_v3_dot(cell->centre, right), y = (double)cell->centre.z;
     float iz = (float)(1 / depth);
-    hw_far_record *f = &cell->far[face];
+    hw_far_record *f = &cell->far[record];
     *f = (hw_far_record){.object_idx = face,
                          .face = face,
                          .x_min = (float)((-STREAM_WALL_WIDTH / 2 - x) / depth),
@@ -42,15 +64,17 @@ static void stream_wall(hw_cell *cell, uint32_t face)
                          .iz_max = iz * 1.5f,
                          .bounds = {{-1300, -1300, -1000}, {1300, 1300, 1000}},
                          .rect = {face * 40 + 4, 4, 32, 240},
-                         .first_vertex = face * 4,
+                         .first_vertex = record * 4,
                          .vertex_count = 4,
-                         .first_index = face * 6,
+                         .first_index = record * 6,
                          .index_count = 6};
     for (uint32_t i = 0; i < 4; i++)
-        cell->vertices[face * 4 + i] =
-            (hw_far_vertex){i % 2 ? 65535 : 0, i / 2 ? 65535 : 0, 32767, (uint16_t)face};
+        cell->vertices[record * 4 + i] =
+            (hw_far_vertex){i % 2 ? 65535 : 0, i / 2 ? 65535 : 0, 32767, (uint16_t)record};
     for (uint32_t i = 0; i < 6; i++)
-        cell->indices[face * 6 + i] = face * 4 + pattern[i];
+        cell->indices[record * 6 + i] = record * 4 + pattern[i];
+    cell->vertex_count += 4;
+    cell->index_count += 6;
 }
 
 // Balls stand in cells of level 0: object 6 + index.
@@ -58,6 +82,8 @@ static void stream_near(const stream_dataset *d, hw_cell *cell)
 {
     const hw_hexgrid *grid = &d->manifest.grid;
     hw_cell_id around[7] = {cell->id};
+    if (cell->id.level > 0)
+        return;
     hw_cell_neighbours(cell->id, around + 1);
     assert_ok(HW_NEW(&cell->near, 7));
     for (uint32_t index = 0; index < hw_hexgrid_cell_count(grid); index++)
@@ -66,32 +92,39 @@ static void stream_near(const stream_dataset *d, hw_cell *cell)
                 cell->near[cell->near_count++] = (hw_near_record){.object_idx = 6 + index};
 }
 
+static void stream_paint(const stream_dataset *d, hw_cell *cell)
+{
+    hw_rng rng = hw_rng_make(7, 0);
+    hw_image image = {0};
+    uint8_t color[3];
+    uint32_t index = 0;
+    cell->atlas_width = cell->atlas_height = STREAM_ATLAS;
+    assert_true(hw_manifest_find_cell(&d->manifest, cell->id, &index));
+    stream_color(index, color);
+    assert_ok(hw_image_make(&image, STREAM_ATLAS, STREAM_ATLAS, 3));
+    for (uint32_t i = 0; i < STREAM_ATLAS * STREAM_ATLAS * 3; i++) // noise does not compress
+        image.data[i] = d->colored ? color[i % 3] : (uint8_t)hw_rng_below(&rng, 256);
+    assert_ok(HW_NEW(&cell->atlas_bc1, hw_bc1_bytes(STREAM_ATLAS, STREAM_ATLAS)));
+    hw_bc1_encode(&image, cell->atlas_bc1);
+    assert_ok(HW_NEW(&cell->coverage_bc4, hw_bc1_bytes(STREAM_ATLAS, STREAM_ATLAS)));
+    memset(cell->coverage_bc4, 255, hw_bc1_bytes(STREAM_ATLAS, STREAM_ATLAS));
+    hw_image_free(&image);
+}
+
 // Returns the bytes of its file.
 static uint64_t stream_write_cell(const stream_dataset *d, hw_cell_id id)
 {
     hw_cell cell = {
         .id = id, .centre = hw_cell_centre(&d->manifest.grid, id), .key = d->manifest.key};
-    hw_rng rng = hw_rng_make(7, 0);
-    hw_image image = {0};
     char *path = NULL;
-    cell.far_count = 6;
-    cell.vertex_count = 24;
-    cell.index_count = 36;
-    cell.atlas_width = cell.atlas_height = STREAM_ATLAS;
     assert_ok(HW_NEW(&cell.far, 6));
     assert_ok(HW_NEW(&cell.vertices, 24));
     assert_ok(HW_NEW(&cell.indices, 36));
     for (uint32_t face = 0; face < 6; face++)
-        stream_wall(&cell, face);
+        if (stream_has_wall(d, id, face))
+            stream_wall(&cell, face);
     stream_near(d, &cell);
-    assert_ok(hw_image_make(&image, STREAM_ATLAS, STREAM_ATLAS, 3));
-    for (uint32_t i = 0; i < STREAM_ATLAS * STREAM_ATLAS * 3; i++)
-        image.data[i] = (uint8_t)hw_rng_below(&rng, 256); // does not compress
-    assert_ok(HW_NEW(&cell.atlas_bc1, hw_bc1_bytes(STREAM_ATLAS, STREAM_ATLAS)));
-    hw_bc1_encode(&image, cell.atlas_bc1);
-    assert_ok(HW_NEW(&cell.coverage_bc4, hw_bc1_bytes(STREAM_ATLAS, STREAM_ATLAS)));
-    memset(cell.coverage_bc4, 255, hw_bc1_bytes(STREAM_ATLAS, STREAM_ATLAS));
-    hw_image_free(&image);
+    stream_paint(d, &cell);
     assert_ok(hw_cell_path(&path, d->folder, id));
     assert_ok(hw_cell_write(&cell, path));
     hw_reader *reader = NULL;
@@ -127,16 +160,20 @@ static void stream_make(stream_dataset *d)
 {
     char path[96];
     hw_manifest *m = &d->manifest;
+    hw_cell_id *cells = NULL;
     *m = (hw_manifest){.near_error_px = 0.5, .mesh_count = 1};
     snprintf(d->folder, sizeof d->folder, "stream-XXXXXX");
     assert_non_null(mkdtemp(d->folder));
     snprintf(path, sizeof path, "%s/cells/0", d->folder);
     assert_ok(hw_dir_make(path));
+    snprintf(path, sizeof path, "%s/cells/1", d->folder);
+    assert_ok(hw_dir_make(path));
     snprintf(path, sizeof path, "%s/meshes", d->folder);
     assert_ok(hw_dir_make(path));
     m->grid = hw_hexgrid_cover(-250, -250, 250, 250, 50, -10, 10);
-    m->cell_count = hw_hexgrid_cell_count(&m->grid);
-    m->object_count = 6 + m->cell_count;
+    m->grid.levels = d->levels ? d->levels : 1;
+    assert_ok(hw_hierarchy_cells(&m->grid, &cells, &m->cell_count));
+    m->object_count = 6 + hw_hexgrid_cell_count(&m->grid);
     assert_ok(hw_strdup(&m->scene_path, "/nowhere.glb"));
     assert_ok(hw_strdup(&m->policy, "by hand"));
     assert_ok(HW_NEW(&m->objects, m->object_count));
@@ -151,10 +188,11 @@ static void stream_make(stream_dataset *d)
             .color = {0.8f, 0.7f, 0.6f},
             .texture_idx = -1};
     }
-    for (uint32_t i = 0; i < m->cell_count; i++) {
-        hw_cell_id id = hw_hexgrid_cell(&m->grid, i);
-        m->cells[i] = (hw_manifest_cell){id, stream_write_cell(d, id)};
-    }
+    for (uint32_t i = 0; i < m->cell_count; i++)
+        m->cells[i].id = cells[i];
+    for (uint32_t i = 0; i < m->cell_count; i++)
+        m->cells[i].bytes = stream_write_cell(d, cells[i]);
+    hw_free(cells);
     stream_write_ball(d);
     assert_ok(hw_manifest_write(d->folder, m));
     hw_manifest_free(m);

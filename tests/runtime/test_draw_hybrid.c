@@ -1,21 +1,12 @@
 // Configuration C on a dataset made by hand: it must look as the same scene does in B.
 #include "crossing.h"
-#include "hybrid_dataset.h"
+#include "hybrid_views.h"
 
 // A view of each quad from beside the centre, through windows that are not parallel to it.
 static const hw_far_view views[2] = {
     {.eye = {20, -30, 3}, .face = FACE + 1, .rect = {8, 76, 56, 44}},
     {.eye = {-35, 0, 0}, .face = FACE, .rect = {80, 12, 36, 40}},
 };
-
-// Where the plane of the window of view q shows a point of the quad.
-static void view_point(const hw_far_view *view, hw_vec3 point, double out[2])
-{
-    hw_vec3 a, r, u, d = hw_v3_sub(point, view->eye);
-    hw_face_basis((int)view->face, &a, &r, &u);
-    out[0] = (double)hw_v3_dot(d, r) / (double)hw_v3_dot(d, a);
-    out[1] = (double)hw_v3_dot(d, u) / (double)hw_v3_dot(d, a);
-}
 
 // Which field of the quad the view shows at a point of its plane (beyond the quad, the nearest).
 static int view_field(const hw_far_view *view, const far_quad *quad, hw_vec3 centre, double x,
@@ -33,15 +24,13 @@ static int view_field(const hw_far_view *view, const far_quad *quad, hw_vec3 cen
     return is_upper * 2 + is_right;
 }
 
-// Fills the rectangle of a view, with a border of 4 texels, block by block.
+// Fills the rectangle of a view.
 static void paint_view(hw_cell *cell, const hw_far_view *view, const far_quad *quad)
 {
     hw_image image = {0};
     hw_rect r = view->rect;
-    uint32_t width = r.width + 8, height = r.height + 8, columns = width / 4;
-    uint8_t *blocks = NULL;
+    uint32_t width = r.width + 8, height = r.height + 8;
     assert_ok(hw_image_make(&image, width, height, 3));
-    assert_ok(HW_NEW(&blocks, hw_bc1_bytes(width, height)));
     for (uint32_t j = 0; j < height; j++)
         for (uint32_t i = 0; i < width; i++) {
             double x = view->x_min + (i - 3.5) / r.width * ((double)view->x_max - view->x_min);
@@ -49,12 +38,8 @@ static void paint_view(hw_cell *cell, const hw_far_view *view, const far_quad *q
             int field = view_field(view, quad, cell->centre, x, y);
             memcpy(image.data + ((size_t)j * width + i) * 3, palette[quad->colors[field]], 3);
         }
-    hw_bc1_encode(&image, blocks);
-    for (uint32_t j = 0; j < height / 4; j++)
-        memcpy(cell->atlas_bc1 + 8 * ((size_t)((r.y - 4) / 4 + j) * (ATLAS / 4) + (r.x - 4) / 4),
-               blocks + 8 * (size_t)j * columns, 8 * (size_t)columns);
+    put_image(cell, &image, r);
     hw_image_free(&image);
-    hw_free(blocks);
 }
 
 // Makes MVMeshes of the quads: each triangle is seen by the captures of its set.
@@ -69,16 +54,7 @@ static void add_views(hw_cell *cell, const uint32_t sets[2][2])
         hw_far_record *f = &cell->far[q];
         *v = views[q];
         v->eye = hw_v3_add(v->eye, cell->centre);
-        v->x_min = v->y_min = INFINITY;
-        v->x_max = v->y_max = -INFINITY;
-        for (int i = 0; i < 4; i++) {
-            double at[2];
-            view_point(v, quad_point(&quads[q], cell->centre, i % 2, i / 2), at);
-            v->x_min = fminf(v->x_min, (float)at[0]);
-            v->x_max = fmaxf(v->x_max, (float)at[0]);
-            v->y_min = fminf(v->y_min, (float)at[1]);
-            v->y_max = fmaxf(v->y_max, (float)at[1]);
-        }
+        set_window(v, &quads[q], cell->centre);
         paint_view(cell, v, &quads[q]);
         f->first_view = q;
         f->view_count = 1;

@@ -1,112 +1,25 @@
 // Streaming: what is fetched when, within which budgets, and what is drawn while data are late.
-#include "models.h"
+#include "stream_walks.h"
 
 #include "../cells/web.h"
 #include "prefetch.h"
-#include "stream_dataset.h"
 
 #include <sys/stat.h>
-#include <unistd.h>
-
-#define SIZE  96u
-#define FRAME (1 / 30.0) // seconds
-
-typedef struct fixture {
-    hw_context *context;
-    hw_target *target;
-    stream_dataset dataset;
-} fixture;
 
 static int open_fixture(void **state)
 {
     static fixture f;
-    assert_int_equal(model_context_open((void **)&f.context), 0);
-    assert_ok(hw_target_create(&f.target, SIZE, SIZE, 1));
-    stream_make(&f.dataset);
     *state = &f;
-    return 0;
+    assert_int_equal(model_context_open((void **)&f.context), 0);
+    return open_dataset(&f);
 }
 
 static int close_fixture(void **state)
 {
     fixture *f = *state;
-    hw_target_destroy(f->target);
+    int status = close_dataset(f);
     hw_context_destroy(f->context);
-    return stream_remove(&f->dataset);
-}
-
-static hw_renderer *open_crossing(const char *location, const hw_streaming *streaming, double width)
-{
-    const hw_renderer_desc desc = {.config = HW_CONFIG_C,
-                                   .dataset = location,
-                                   .streaming = *streaming,
-                                   .crossing_width = width};
-    hw_renderer *renderer = NULL;
-    assert_ok(hw_renderer_create(&desc, &renderer));
-    return renderer;
-}
-
-static hw_renderer *open_renderer(const char *location, const hw_streaming *streaming)
-{
-    return open_crossing(location, streaming, 0);
-}
-
-// A walk in a straight line through several cells, with a look back in the middle.
-static hw_camera walk_camera(double t)
-{
-    double x = -150 + 30 * t, y = -60 + 9 * t, angle = 0.3 + (t > 5 && t < 6 ? 2.5 : 0);
-    return model_camera(hw_v3((float)x, (float)y, 0),
-                        hw_v3((float)cos(angle), (float)sin(angle), 0), SIZE);
-}
-
-static uint32_t count_holes(const fixture *f)
-{
-    hw_image image = {0};
-    uint32_t holes = 0;
-    assert_ok(hw_target_read(f->target, &image));
-    for (uint32_t i = 0; i < SIZE * SIZE; i++)
-        holes += image.data[i * 4 + 3] != 255;
-    hw_image_free(&image);
-    return holes;
-}
-
-static hw_frame_stats draw(const fixture *f, hw_renderer *renderer, const hw_camera *camera)
-{
-    hw_frame_stats stats;
-    hw_target_bind(f->target);
-    assert_ok(hw_renderer_draw(renderer, camera, &stats));
-    assert_int_equal(count_holes(f), 0);
-    return stats;
-}
-
-// What a walk by simulated time came to.
-typedef struct walked {
-    uint32_t frames, missing, late;
-    uint64_t gpu_peak, ram_peak, upload_peak, read_bytes;
-} walked;
-
-static walked walk(const fixture *f, hw_renderer *renderer, double seconds)
-{
-    walked sum = {0};
-    uint64_t uploaded = 0;
-    for (double t = 0; t < seconds; t += FRAME) {
-        hw_camera camera = walk_camera(t);
-        hw_frame_stats stats = draw(f, renderer, &camera);
-        const hw_stream_stats *s = &stats.stream;
-        uint64_t upload = s->uploaded_bytes - uploaded;
-        uploaded = s->uploaded_bytes;
-        sum.upload_peak = sum.frames > 0 && upload > sum.upload_peak ? upload : sum.upload_peak;
-        sum.missing += sum.frames > 0 && s->missing > 0;
-        sum.late += s->late_cells > 0;
-        sum.gpu_peak = s->gpu_bytes > sum.gpu_peak ? s->gpu_bytes : sum.gpu_peak;
-        sum.ram_peak = s->ram_bytes_peak;
-        sum.read_bytes = s->read_bytes;
-        sum.frames++;
-        assert_int_equal(stats.stalls, 0);
-        assert_int_equal(s->problem_count, 0);
-        hw_renderer_advance(renderer, FRAME);
-    }
-    return sum;
+    return status;
 }
 
 // ---- priorities ----
@@ -202,18 +115,6 @@ static void test_nothing_missing(void **state)
     hw_renderer_destroy(renderer);
 }
 
-// Stands where the walk is after t seconds; the last frame tells.
-static hw_frame_stats rest(const fixture *f, hw_renderer *renderer, double t, int frames)
-{
-    hw_camera camera = walk_camera(t);
-    hw_frame_stats stats = {0};
-    for (int i = 0; i < frames; i++) {
-        stats = draw(f, renderer, &camera);
-        hw_renderer_advance(renderer, FRAME);
-    }
-    return stats;
-}
-
 // The same walk, starved: every frame is whole, some with other data than wanted; a rest lets the
 // data catch up.
 static void test_late_data(void **state)
@@ -226,6 +127,16 @@ static void test_late_data(void **state)
     assert_true(sum.late < sum.frames);
     assert_int_equal(rest(f, renderer, 10, 600).stream.missing, 0);
     hw_renderer_destroy(renderer);
+}
+
+// Late frames show the closest complete cell.
+static void test_closest(void **state)
+{
+    (void)state;
+    fixture f = {.dataset = {.colored = true}};
+    assert_int_equal(open_dataset(&f), 0);
+    check_closest(&f, NULL);
+    assert_int_equal(close_dataset(&f), 0);
 }
 
 // Frames are the same whether data were waited for or prefetched.
@@ -400,26 +311,6 @@ static void hide_cells(const fixture *f, bool hide)
     assert_int_equal(rename(from, to), 0);
 }
 
-// One step of time, simulated or real.
-static hw_frame_stats step(const fixture *f, hw_renderer *renderer, const hw_camera *camera,
-                           bool real)
-{
-    hw_frame_stats stats = draw(f, renderer, camera);
-    if (real)
-        usleep(2000);
-    hw_renderer_advance(renderer, FRAME);
-    return stats;
-}
-
-// Whether a frame lacks nothing in the end.
-static bool catches_up(const fixture *f, hw_renderer *renderer, const hw_camera *camera, bool real)
-{
-    for (int i = 0; i < 5000; i++)
-        if (step(f, renderer, camera, real).stream.missing == 0)
-            return true;
-    return false;
-}
-
 static void check_vanished(fixture *f, hw_loading loading)
 {
     const hw_streaming streaming = {.loading = loading};
@@ -495,19 +386,15 @@ static void test_no_first_frame(void **state)
     }
 }
 
-// Neither is one whose near mesh has a sound table but no level that can be read.
-static void test_no_first_level(void **state)
+// Damages the first `count` levels of the near mesh; its table stays sound.
+static void damage_levels(const fixture *f, uint32_t count)
 {
-    fixture *f = *state;
     char path[96];
     hw_mesh_file *file;
-    hw_camera camera = walk_camera(0);
-    const hw_streaming streaming = {.loading = HW_LOADING_SIMULATED};
-    hw_renderer *renderer = open_renderer(f->dataset.folder, &streaming);
     snprintf(path, sizeof path, "%s/meshes/0.hxm", f->dataset.folder);
     assert_ok(hw_mesh_file_open(&file, path));
     FILE *out = fopen(path, "r+b");
-    for (uint32_t i = 0; i < STREAM_BALL_LODS; i++) {
+    for (uint32_t i = 0; i < count; i++) {
         uint64_t offset, size;
         hw_mesh_file_level_place(file, i, &offset, &size);
         assert_int_equal(fseek(out, (long)(offset + size / 2), SEEK_SET), 0);
@@ -515,10 +402,52 @@ static void test_no_first_level(void **state)
     }
     fclose(out);
     hw_mesh_file_close(file);
+}
+
+// Neither is one whose near mesh has no level that can be read.
+static void test_no_first_level(void **state)
+{
+    fixture *f = *state;
+    hw_camera camera = walk_camera(0);
+    const hw_streaming streaming = {.loading = HW_LOADING_SIMULATED};
+    hw_renderer *renderer = open_renderer(f->dataset.folder, &streaming);
+    damage_levels(f, STREAM_BALL_LODS);
     assert_int_not_equal(hw_renderer_draw(renderer, &camera, NULL), HW_OK);
     assert_non_null(strstr(hw_error_text(), "0.hxm"));
     stream_write_ball(&f->dataset);
     hw_renderer_destroy(renderer);
+}
+
+static uint32_t ball_triangles(uint32_t level)
+{
+    return 2u * (64u >> level) * ((32u >> level) - 1);
+}
+
+// A ball whose wanted level is late is drawn as coarse as it is there, not left out.
+static void test_late_level(void **state)
+{
+    fixture *f = *state;
+    const hw_manifest *m = &f->dataset.manifest;
+    const hw_streaming streaming = {.loading = HW_LOADING_SIMULATED};
+    hw_vec3 ball = hw_box_centre(m->objects[6 + m->cell_count / 2].bounds);
+    hw_camera camera = model_camera(hw_v3_add(ball, hw_v3(-4, 0, 0)), hw_v3(1, 0, 0), SIZE);
+    camera.fov_degrees = 10; // no other ball is in view
+    for (uint32_t best = 0; best < STREAM_BALL_LODS; best++) {
+        damage_levels(f, best);
+        hw_renderer *renderer = open_renderer(f->dataset.folder, &streaming);
+        for (int i = 0; i < 60; i++) {
+            hw_frame_stats stats = step(f, renderer, &camera, false);
+            assert_int_equal(stats.stream.late_cells, 0);
+            if (i >= 59 || best + 1 == STREAM_BALL_LODS)
+                assert_int_equal(stats.near_triangles, ball_triangles(best));
+            assert_true(stats.near_triangles >= ball_triangles(STREAM_BALL_LODS - 1));
+            assert_true(best == 0 || stats.stream.missing == 1);
+        }
+        stream_write_ball(&f->dataset);
+        assert_true(catches_up(f, renderer, &camera, false));
+        assert_int_equal(draw(f, renderer, &camera).near_triangles, ball_triangles(0));
+        hw_renderer_destroy(renderer);
+    }
 }
 
 static uint64_t file_bytes(const char *path)
@@ -574,13 +503,21 @@ static void test_web(void **state)
     web w;
     web_open(&w, f->dataset.folder);
     const hw_streaming streaming = {.loading = HW_LOADING_AHEAD};
-    hw_renderer *renderer = open_renderer(w.location, &streaming);
     for (size_t i = 0; i < sizeof faults / sizeof *faults; i++) {
-        hw_camera camera = walk_camera((double)i);
-        web_misbehave(&w, faults[i], 2);
+        hw_renderer *renderer = open_renderer(w.location, &streaming);
+        double t = 0;
+        hw_camera camera = walk_camera(t);
         assert_true(catches_up(f, renderer, &camera, true));
+        web_misbehave(&w, faults[i], 2);
+        // A way long enough to meet it: what is there already needs no server.
+        while (atomic_load(&w.faults_left) > 0 && t < 12) {
+            camera = walk_camera(t += 0.5);
+            assert_true(catches_up(f, renderer, &camera, true));
+        }
+        assert_int_equal(atomic_load(&w.faults_left), 0);
+        assert_true(catches_up(f, renderer, &camera, true));
+        hw_renderer_destroy(renderer);
     }
-    hw_renderer_destroy(renderer);
     web_close(&w);
 }
 
@@ -596,6 +533,12 @@ static void test_web_goes(void **state)
     hw_camera start = walk_camera(0), end = walk_camera(9);
     assert_true(catches_up(f, renderer, &start, true));
     web_close(&w);
+    const hw_renderer_desc desc = {
+        .config = HW_CONFIG_C, .dataset = w.location, .streaming = streaming};
+    hw_renderer *none = NULL;
+    assert_int_equal(hw_renderer_create(&desc, &none), HW_IO);
+    assert_null(none);
+    assert_non_null(strstr(hw_error_text(), w.location));
     for (int i = 0; i < 100; i++)
         assert_int_equal(step(f, renderer, &end, true).stalls, 0);
     hw_renderer_destroy(renderer);
@@ -623,17 +566,30 @@ static void test_thread(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_priorities),      cmocka_unit_test(test_entries),
-        cmocka_unit_test(test_distances),       cmocka_unit_test(test_nothing_missing),
-        cmocka_unit_test(test_late_data),       cmocka_unit_test(test_same_frames),
-        cmocka_unit_test(test_budgets),         cmocka_unit_test(test_first_frame_is_tight),
-        cmocka_unit_test(test_crossings),       cmocka_unit_test(test_default_budget),
-        cmocka_unit_test(test_least_memory),    cmocka_unit_test(test_draw_allocates_nothing),
-        cmocka_unit_test(test_no_first_level),  cmocka_unit_test(test_nothing_twice),
-        cmocka_unit_test(test_simulated_waits), cmocka_unit_test(test_vanished),
-        cmocka_unit_test(test_vanished_thread), cmocka_unit_test(test_truncated),
-        cmocka_unit_test(test_no_first_frame),  cmocka_unit_test(test_web),
-        cmocka_unit_test(test_web_goes),        cmocka_unit_test(test_thread),
+        cmocka_unit_test(test_priorities),
+        cmocka_unit_test(test_entries),
+        cmocka_unit_test(test_distances),
+        cmocka_unit_test(test_nothing_missing),
+        cmocka_unit_test(test_late_data),
+        cmocka_unit_test(test_closest),
+        cmocka_unit_test(test_same_frames),
+        cmocka_unit_test(test_budgets),
+        cmocka_unit_test(test_first_frame_is_tight),
+        cmocka_unit_test(test_crossings),
+        cmocka_unit_test(test_default_budget),
+        cmocka_unit_test(test_least_memory),
+        cmocka_unit_test(test_draw_allocates_nothing),
+        cmocka_unit_test(test_no_first_level),
+        cmocka_unit_test(test_late_level),
+        cmocka_unit_test(test_nothing_twice),
+        cmocka_unit_test(test_simulated_waits),
+        cmocka_unit_test(test_vanished),
+        cmocka_unit_test(test_vanished_thread),
+        cmocka_unit_test(test_truncated),
+        cmocka_unit_test(test_no_first_frame),
+        cmocka_unit_test(test_web),
+        cmocka_unit_test(test_web_goes),
+        cmocka_unit_test(test_thread),
     };
     return cmocka_run_group_tests_name("prefetch", tests, open_fixture, close_fixture);
 }

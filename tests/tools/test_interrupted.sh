@@ -45,19 +45,24 @@ $finished || build killed || fail 'the run after the kills'
 same killed
 [[ -z $(find killed -name '*.tmp') ]] || fail 'temporary files were left behind'
 
-# Interrupted with Ctrl-C: exit 1, no manifest, a word on how to go on.
-start stopped &
+# Interrupted with Ctrl-C when the first of many cells is there: exit 1, no manifest, a word on how to
+# go on.
+many=(build few.obj --cell-size 14 --threads 1 --quiet -o)
+make_scene 9 6 >few.obj
+"$hexwalk" "${many[@]}" many >log 2>&1 </dev/null || fail 'an undisturbed build of many cells'
+start_many() { exec "$hexwalk" "${many[@]}" stopped >log 2>&1 </dev/null; }
+start_many &
 child=$!
-while [[ -z $(ls stopped/cells/0 2>/dev/null) ]] && kill -0 $child 2>/dev/null; do :; done
-kill -INT $child 2>/dev/null
+while [[ -z $(ls stopped/cells/0 2>/dev/null) ]] && kill -0 $child 2>/dev/null; do sleep 0.02; done
+kill -INT $child || fail 'the build to interrupt was over before'
 wait $child
 code=$?
-if [[ ! -e stopped/manifest.json ]]; then
-    [[ $code -eq 1 ]] || fail "an interrupted build exited with $code"
-    grep -q 'goes on where it stopped' log || fail 'an interrupted build does not say how to go on'
-fi
-build stopped || fail 'the run after an interruption'
-same stopped
+[[ $code -eq 1 ]] || fail "an interrupted build exited with $code"
+grep -q 'goes on where it stopped' log || fail 'an interrupted build does not say how to go on'
+[[ ! -e stopped/manifest.json ]] || fail 'an interrupted build wrote a manifest'
+(($(ls stopped/cells/0 | wc -l) < $(ls many/cells/0 | wc -l))) || fail 'an interrupted build made all cells'
+"$hexwalk" "${many[@]}" stopped >log 2>&1 </dev/null || fail 'the run after an interruption'
+diff -rq --exclude=build.json many stopped >log || fail 'stopped differs from an undisturbed build'
 
 # A disk that fills up: exit 1, the file and the cause are named, what is there stays; with room again it goes on.
 mkdir small

@@ -104,7 +104,7 @@ run 0 measure data --tour tour.json --configs A,B,L,C -o full --every 6 --size 1
         and r["cell_crossings"] > 0 and r["configs"]["C"]["pop"]["mean"] is not None
         and r["size"] == [160, 120] and r["reference_samples"] == 4
         and json.load(open("copy.json")) == r
-        and (page.count("<svg") == 5 or "gnuplot" in page) and page.count("data:image/") == 18'
+        and (page.count("<svg") == 5 or "gnuplot is not installed" in page) and page.count("data:image/") == 18'
 [[ -z $(find full -name '*.tmp') ]] || fail 'temporary files are left'
 
 # One frame, one configuration, four samples: nothing to compare frame times with.
@@ -112,8 +112,19 @@ run 0 measure data --tour tour.json --configs C -o one --every 1000 --size 96x96
     --reference-samples 1 --repeat 2 --quiet &&
     check 'one frame' one 1 C 'r["ratios"] == {"A/C": None, "B/C": None, "L/C": None} and r["samples"] == 4'
 
+# With four samples a pixel the pictures of every configuration are closer to the truth.
+for samples in 1 4; do
+    run 0 measure data --tour tour.json --configs A,B,L,C -o "samples$samples" --every 12 --size 96x96 \
+        --samples $samples --reference-samples 32 --repeat 1 --quiet
+done
+check 'four samples' samples4 2 A,B,L,C '
+    all(c["psnr_reference"]["mean"] > before[name]["psnr_reference"]["mean"] + 1
+        for before in [json.load(open("samples1/report.json"))["configs"]]
+        for name, c in r["configs"].items())'
+
 # The tour played at its own time: with prefetching no frame waits, and the limit of bandwidth is a
-# run of its own. (How many frames lack data is a matter of time.)
+# run of its own. (How many frames lack data depends on how fast this machine reads and decodes, but
+# there is little to read: on an idle one there is none.)
 run 0 measure data --tour tour.json --configs C -o stream --every 1000 --size 64x64 \
     --reference-samples 1 --repeat 1 --streaming --bandwidth 2M --quiet &&
     check 'streaming' stream 1 C '
@@ -122,9 +133,17 @@ run 0 measure data --tour tour.json --configs C -o stream --every 1000 --size 64
         and r["streaming"]["rss_bytes_peak"] > 1e6
         and r["streaming"]["runs"]["no_prefetch"]["stalls"] > 0
         and r["streaming"]["runs"]["no_prefetch"]["frames_missing"] == 0
-        and all(run["frames_missing"] < 60 and run["stalls"] == 0 and run["bytes"] > 0
+        and all(run["frames_missing"] <= 10 and run["stalls"] == 0 and run["bytes"] > 0
                 for key, run in r["streaming"]["runs"].items() if key != "no_prefetch")
-        and (page.count("<svg") == 8 or "gnuplot" in page)'
+        and (page.count("<svg") == 8 or "gnuplot is not installed" in page)'
+# Budgets reach the renderer: less than the run above took.
+run 0 measure data --tour tour.json --configs C -o budgets --every 1000 --size 64x64 \
+    --reference-samples 1 --repeat 1 --streaming --gpu-budget 600K --ram-budget 200K --quiet &&
+    check 'budgets' budgets 1 C '
+        all(run["gpu_bytes_peak"] <= 600000 and run["ram_bytes_peak"] <= 200000
+            for run in r["streaming"]["runs"].values())
+        and all(run["gpu_bytes_peak"] > 600000 and run["ram_bytes_peak"] > 200000
+                for run in [json.load(open("stream/report.json"))["streaming"]["runs"]["warm"]])'
 run 2 measure data --tour tour.json --configs C -o wrong --bandwidth 2M
 
 # Of one cell of many there is no crossing; memory that cannot be told is a warning, and a note.

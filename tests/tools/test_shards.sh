@@ -34,10 +34,13 @@ for n in 1 2 3; do
         shards+=("part$k")
     done
     "$hexwalk" merge "${shards[@]}" -o "merged$n" --quiet >log 2>&1 || fail "the merge of $n shards"
+    grep -q "^merged$n: $n shards, $(find whole/cells -name '*.hxc' | wc -l) cells" log ||
+        fail "the merge of $n shards does not tell what it joined"
     same "merged$n"
     ((n == 3)) || rm -rf part*
 done
-grep -q '3 shards' log || "$hexwalk" info merged3 >log || fail 'info on a merged dataset'
+"$hexwalk" info merged3 >log || fail 'info on a merged dataset'
+grep -q '^kind  *dataset' log || fail 'info on a merged dataset does not tell that it is one'
 
 # One folder for all, in any order: nothing is left of the shards.
 for k in 2 3 1; do
@@ -68,14 +71,46 @@ cell=$(find whole/cells -name '*.hxc' | sort | head -n 1)
 for word in INFO NEAR FARS VERT INDX VIEW RNGE COLR ATLS COVR triangles; do
     grep -q "$word" log || fail "info on a cell tells no $word"
 done
-stored=$(grep -oE '"bytes":[[:space:]]*[0-9]+' cell.json | grep -oE '[0-9]+$' | paste -sd+ | bc 2>/dev/null || echo 0)
+stored=$(awk -F: '/"bytes":/ { sum += $2; n++ } END { print n + 0, sum + 0 }' cell.json)
 size=$(stat -c %s "$cell")
-[[ $stored -eq 0 || $((size - stored)) -eq $((40 + 10 * 40)) ]] || fail 'the bytes of the chunks do not add up to the file'
+# A head of 40 bytes, and an entry of 40 bytes in its table for each of ten chunks.
+[[ $stored == "10 $((size - 40 - 10 * 40))" ]] || fail "the chunks of a cell of $size bytes sum up to $stored"
+# colors PICTURE - how many a PNG of our own (8 bits, no interlacing) has; exits 1 if it is none.
+colors() {
+    python3 - "$1" <<'PYTHON'
+import struct, sys, zlib
+data = open(sys.argv[1], "rb").read()
+assert data[:8] == b"\x89PNG\r\n\x1a\n"
+packed, at = b"", 8
+while at < len(data):
+    size, kind = struct.unpack(">I4s", data[at:at + 8])
+    body = data[at + 8:at + 8 + size]
+    if kind == b"IHDR":
+        width, height, depth, model = struct.unpack(">IIBB", body[:10])
+    packed += body if kind == b"IDAT" else b""
+    at += 12 + size
+channels = {0: 1, 2: 3, 6: 4}[model]
+assert depth == 8 and max(width, height) == 200
+raw, row, seen = zlib.decompress(packed), bytes(width * channels), set()
+for y in range(height):
+    start = y * (width * channels + 1)
+    rule, line = raw[start], bytearray(raw[start + 1:start + 1 + width * channels])
+    for i in range(len(line)):
+        a = line[i - channels] if i >= channels else 0
+        b, c = row[i], row[i - channels] if i >= channels else 0
+        near = min((a, b, c), key=lambda v: abs(a + b - c - v))
+        line[i] = (line[i] + (0, a, b, (a + b) // 2, near)[rule]) & 255
+    row = line
+    seen |= {bytes(line[i:i + channels]) for i in range(0, len(line), channels)}
+print(len(seen))
+PYTHON
+}
 for by in bytes triangles far near; do
     "$hexwalk" info whole --map "$by.png" --map-by "$by" --map-side 200 >log || fail "a map by $by"
     grep -q "^map by *$by" log && grep -q '^map darkest' log || fail "no legend of the map by $by"
-    [[ $(head -c 4 "$by.png" | tail -c 3) == PNG ]] || fail "$by.png is no picture"
+    (($(colors "$by.png" 2>log || echo 0) > 2)) || fail "$by.png has no cells of several colours"
 done
+! cmp -s bytes.png near.png || fail 'the maps by bytes and by near objects are the same'
 # A grid of four thousand million cells of which few are there, and an object far away: no matter.
 mkdir wide
 python3 - <<'PYTHON'

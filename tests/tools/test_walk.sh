@@ -202,6 +202,67 @@ kill -INT "$walk"
 check 'Ctrl-C in the terminal quits' ended 0
 check 'and keeps the recording' grep -q '"frames"' whole.json
 
+# ---- Motion
+
+# moves KEY EXPRESSION [WITH] - records a tour while the key is held, and WITH, and looks at what it
+# did: ways ahead, to the right and up as seen at first, the angles turned to the left and up in
+# degrees, the largest speed.
+tours=$(ls hexwalk_tour_*.json | wc -l)
+moves() {
+    tours=$((tours + 1))
+    local made
+    made=$(printf 'hexwalk_tour_%04d.json' $tours)
+    xdotool key r
+    sleep 0.3
+    [[ -z ${3-} ]] || xdotool keydown "$3"
+    xdotool keydown "$1"
+    sleep 0.6
+    xdotool keyup "$1"
+    [[ -z ${3-} ]] || xdotool keyup "$3"
+    sleep 0.3
+    xdotool key r
+    until_true 20 test -s "$made" || { echo 'nothing recorded'; return 1; }
+    python3 - "$made" "$2" <<'PYTHON'
+import json, math, sys
+frames = json.load(open(sys.argv[1]))["frames"]
+a, b = frames[0], frames[-1]
+yaw = [math.atan2(f["forward"][1], f["forward"][0]) for f in (a, b)]
+pitch = [math.asin(f["forward"][2]) for f in (a, b)]
+way = [y - x for x, y in zip(a["eye"], b["eye"])]
+ahead = way[0] * math.cos(yaw[0]) + way[1] * math.sin(yaw[0])
+right = way[0] * math.sin(yaw[0]) - way[1] * math.cos(yaw[0])
+up = way[2]
+left = math.degrees((yaw[1] - yaw[0] + math.pi) % (2 * math.pi) - math.pi)
+look = math.degrees(pitch[1] - pitch[0])
+speed = max(math.dist(x["eye"], y["eye"]) / (y["t"] - x["t"]) for x, y in zip(frames, frames[1:]))
+still = all(abs(v) < 0.01 for v in (left, look))
+stays = all(abs(v) < 0.01 for v in way)
+print(f"ahead {ahead:.2f} right {right:.2f} up {up:.2f} left {left:.2f} look {look:.2f} speed {speed:.1f}")
+assert eval(sys.argv[2])
+PYTHON
+}
+level='still and abs(up) < 0.01'
+check 'window' start 'scene.obj - B ' scene.obj --collision off "${size[@]}"
+sleep 1
+for key in w Up; do
+    check "$key goes ahead" moves $key "$level and ahead > 2 and abs(right) < 0.01"
+done
+walking=$(sed 's/.*speed //' found)
+check 'Shift runs' moves w "$level and ahead > 2 and abs(right) < 0.01 and speed > 1.3 * $walking" shift
+for key in s Down; do
+    check "$key goes back" moves $key "$level and ahead < -2 and abs(right) < 0.01"
+done
+check 'a goes to the left' moves a "$level and right < -2 and abs(ahead) < 0.01"
+check 'd goes to the right' moves d "$level and right > 2 and abs(ahead) < 0.01"
+check 'e rises' moves e 'still and up > 1 and abs(ahead) + abs(right) < 0.01'
+check 'q sinks' moves q 'still and up < -1 and abs(ahead) + abs(right) < 0.01'
+check 'Left turns left' moves Left 'stays and left > 5 and abs(look) < 0.01'
+check 'Right turns right' moves Right 'stays and left < -5 and abs(look) < 0.01'
+check 'Page Up looks up' moves Prior 'stays and look > 5 and abs(left) < 0.01'
+check 'Page Down looks down' moves Next 'stays and look < -5 and abs(left) < 0.01'
+xdotool key Escape
+check 'quits' ended 0
+
 # ---- Views
 
 # shot NAME - takes a screenshot, the next of the series, as NAME.png.
