@@ -26,7 +26,7 @@
 #define AROUND_SHARE    0.9  // of the priority
 #define SMOOTH_S        0.25 // over which motion is averaged
 #define WAY_WEIGHT      0.5  // of what is walked before, against the distance from there
-#define HELD            0.3  // of the way to that: what is there, or will be shown, is so much more urgent
+#define HELD            0.3  // of the way to PRIORITY_SHOWN, for what is there or will be shown
 #define REPLAN_S        0.5  // plans are made again after that, for what failed or was lost
 #define SECOND_RING_COS 0.7  // of the second ring only what lies ahead
 

@@ -1,4 +1,5 @@
 #include "build.h"
+#include "interrupts.h"
 #include "json.h"
 #include "log.h"
 #include "options.h"
@@ -256,9 +257,7 @@ static hw_status run(int argc, const char *const *argv)
     (void)argc;
     hw_build_report report;
     HW_TRY(read_options(argv[0]));
-    struct sigaction action = {.sa_handler = on_signal};
-    sigaction(SIGINT, &action, NULL);
-    sigaction(SIGTERM, &action, NULL);
+    hw_interrupts_handle(on_signal, 0);
     hw_status status = hw_build_run(&build, &report);
     hw_tour_free(&tour);
     if (status == HW_INTERRUPTED)

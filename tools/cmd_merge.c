@@ -1,4 +1,5 @@
 // hexwalk merge: joins shards into a dataset.
+#include "interrupts.h"
 #include "json.h"
 #include "merge.h"
 #include "options.h"
@@ -46,9 +47,7 @@ static hw_status run(int argc, const char *const *argv)
     hw_merge_report r;
     if (!output)
         return hw_fail(HW_USAGE, "merge needs -o DATASET");
-    struct sigaction action = {.sa_handler = on_signal};
-    sigaction(SIGINT, &action, NULL);
-    sigaction(SIGTERM, &action, NULL);
+    hw_interrupts_handle(on_signal, 0);
     hw_status status = hw_merge_run(argv, (uint32_t)argc, output, (uint32_t)threads, &stop, &r);
     if (status == HW_USAGE) // not of the command line but of what is in the folders
         status = HW_FORMAT;

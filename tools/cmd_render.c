@@ -6,6 +6,7 @@
 #include "hybrid_options.h"
 #include "image_io.h"
 #include "import.h"
+#include "interrupts.h"
 #include "json.h"
 #include "log.h"
 #include "manifest.h"
@@ -324,9 +325,7 @@ out:
 
 static hw_status make_video(render *r)
 {
-    const struct sigaction action = {.sa_handler = on_signal, .sa_flags = SA_RESETHAND};
-    sigaction(SIGINT, &action, NULL);
-    sigaction(SIGTERM, &action, NULL);
+    hw_interrupts_handle(on_signal, SA_RESETHAND);
     HW_TRY(hw_video_open(&r->video, options.video, options.size[0], options.size[1], options.fps,
                          &interrupted));
     HW_TRY(draw_frames(r));

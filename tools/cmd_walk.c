@@ -1,5 +1,6 @@
 // hexwalk walk: a window to walk through a dataset, or a scene without one.
 #include "hybrid_options.h"
+#include "interrupts.h"
 #include "keys.h"
 #include "log.h"
 #include "system.h"
@@ -151,10 +152,7 @@ static hw_status run(int argc, const char *const *argv)
     HW_GO(walk_open(w, argv[0]));
     hw_memory_trim();
     HW_GO(open_window(w));
-    struct sigaction action = {.sa_handler = on_signal, .sa_flags = SA_RESETHAND};
-    sigaction(SIGINT, &action, NULL);
-    sigaction(SIGTERM, &action, NULL);
-    sigaction(SIGHUP, &action, NULL);
+    hw_interrupts_handle(on_signal, SA_RESETHAND);
     status = walk_opt.random_walk > 0 ? walk_at_random(w) : walk_in_window(w);
     status = keep_recording(w, status);
 out:
