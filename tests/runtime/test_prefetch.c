@@ -539,8 +539,13 @@ static void test_web_goes(void **state)
     assert_int_equal(hw_renderer_create(&desc, &none), HW_IO);
     assert_null(none);
     assert_non_null(strstr(hw_error_text(), w.location));
-    for (int i = 0; i < 100; i++)
-        assert_int_equal(step(f, renderer, &end, true).stalls, 0);
+    hw_frame_stats stats = {0};
+    for (int i = 0; i < 5000 && stats.stream.problem_count == 0; i++) {
+        stats = step(f, renderer, &end, true);
+        assert_int_equal(stats.stalls, 0);
+    }
+    assert_true(stats.stream.problem_count > 0);
+    assert_non_null(strstr(stats.stream.problem, w.location));
     hw_renderer_destroy(renderer);
 }
 
