@@ -441,6 +441,14 @@ bool hw_path_exists(const char *path)
     return access(path, F_OK) == 0;
 }
 
+bool hw_path_is_folder(const char *path)
+{
+    char *inside = NULL;
+    bool folder = hw_path_join(&inside, path, ".") == HW_OK && hw_path_exists(inside);
+    hw_free(inside);
+    return folder;
+}
+
 hw_status hw_path_join(char **out, const char *dir, const char *name)
 {
     if (*name == '/' || *dir == 0)

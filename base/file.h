@@ -42,6 +42,8 @@ HW_MUST_USE hw_status hw_dir_make(const char *path);
 // folder is fine. Those of living writers, also in other processes, are left alone.
 HW_MUST_USE hw_status hw_dir_clean_temporary(const char *path);
 bool hw_path_exists(const char *path);
+// Whether it is a folder that one may enter.
+bool hw_path_is_folder(const char *path);
 // dir + "/" + name into a new string (absolute `name` is returned as it is). Free with hw_free.
 HW_MUST_USE hw_status hw_path_join(char **out, const char *dir, const char *name);
 // The folder part of a path ("." if none) into a new string. Free with hw_free.

@@ -2,8 +2,10 @@
 #include "image_io.h"
 #include "alloc.h"
 #include "file.h"
+#include <assert.h>
 #include <dlfcn.h>
 #include <pthread.h>
+#include <string.h>
 
 #define MODULE_NAME "hexwalk_images.so" // found by the program's run path
 
@@ -84,6 +86,19 @@ hw_status hw_image_write(const char *path, const hw_image *image)
 {
     HW_TRY(ensure_loaded());
     return module.write(path, image);
+}
+
+hw_status hw_image_write_opaque(const char *path, const hw_image *rgba)
+{
+    hw_image rgb = {0};
+    assert(rgba->channels == 4);
+    HW_TRY(hw_image_make(&rgb, rgba->width, rgba->height, 3));
+    size_t pixels = (size_t)rgba->width * rgba->height;
+    for (size_t i = 0; i < pixels; i++)
+        memcpy(rgb.data + 3 * i, rgba->data + 4 * i, 3);
+    hw_status status = hw_image_write(path, &rgb);
+    hw_image_free(&rgb);
+    return status;
 }
 
 hw_status hw_image_encode_png(const hw_image *image, uint8_t **bytes, size_t *size)

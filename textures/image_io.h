@@ -11,6 +11,8 @@ HW_MUST_USE hw_status hw_image_decode(const char *name, const void *bytes, size_
                                       hw_image *out);
 // Writes PNG, JPEG, ... by the extension; atomically (temporary name, rename).
 HW_MUST_USE hw_status hw_image_write(const char *path, const hw_image *image);
+// The colours alone of an image with alpha: in frames it marks objects, which a picture need not.
+HW_MUST_USE hw_status hw_image_write_opaque(const char *path, const hw_image *rgba);
 // Encodes as PNG into memory; *bytes freed with hw_free.
 HW_MUST_USE hw_status hw_image_encode_png(const hw_image *image, uint8_t **bytes, size_t *size);
 // The same as JPEG (alpha is left out; full chroma resolution). quality: 1 to 100.

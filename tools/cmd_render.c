@@ -12,6 +12,7 @@
 #include "manifest.h"
 #include "options.h"
 #include "renderer.h"
+#include "report.h"
 #include "system.h"
 #include "target.h"
 #include "tour.h"
@@ -57,7 +58,7 @@ typedef struct render {
     hw_context *context;
     hw_target *target;
     hw_renderer *renderer;
-    hw_image image, rgb;
+    hw_image image;
     hw_video *video; // NULL: none
     figures figures;
 } render;
@@ -177,10 +178,7 @@ static hw_camera frame_camera(const render *r, uint32_t index)
 // was built from. C needs the dataset alone.
 static hw_status read_scene(render *r, const char *path)
 {
-    char *inside = NULL;
-    HW_TRY(hw_path_join(&inside, path, "."));
-    bool is_folder = hw_path_exists(inside), is_dataset = is_folder || hw_location_is_url(path);
-    hw_free(inside);
+    bool is_folder = hw_path_is_folder(path), is_dataset = is_folder || hw_location_is_url(path);
     if (r->config == HW_CONFIG_C) {
         if (!is_folder && hw_path_exists(path))
             return hw_fail(HW_USAGE, "%s: configuration C needs a dataset (hexwalk build)", path);
@@ -230,17 +228,10 @@ static hw_status write_frame(render *r)
 static hw_status write_image(render *r, uint32_t frame)
 {
     HW_TRY(hw_target_read(r->target, &r->image));
-    if (!r->rgb.data)
-        HW_TRY(hw_image_make(&r->rgb, r->image.width, r->image.height, 3));
-    size_t pixels = (size_t)r->image.width * r->image.height;
-    for (size_t i = 0; i < pixels; i++) {
-        for (size_t k = 0; k < 3; k++)
-            r->rgb.data[i * 3 + k] = r->image.data[i * 4 + k];
-    }
     char name[32], *path = NULL;
     snprintf(name, sizeof name, "frame_%05u.png", frame);
     HW_TRY(hw_path_join(&path, options.output, name));
-    hw_status status = hw_image_write(path, &r->rgb);
+    hw_status status = hw_image_write_opaque(path, &r->image);
     hw_free(path);
     return status;
 }
@@ -334,18 +325,6 @@ static hw_status make_video(render *r)
     return hw_video_commit(video);
 }
 
-static int compare_doubles(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-// Of a sorted array; p in [0, 1].
-static double percentile(const double *values, uint32_t count, double p)
-{
-    return values[(uint32_t)(p * (count - 1) + 0.5)];
-}
-
 static cJSON *add_object(cJSON *parent, const char *key)
 {
     return cJSON_AddObjectToObject(parent, key);
@@ -354,14 +333,10 @@ static cJSON *add_object(cJSON *parent, const char *key)
 static hw_status report(render *r)
 {
     figures *f = &r->figures;
-    double sum = 0;
-    qsort(f->frame_ms, f->frames, sizeof *f->frame_ms, compare_doubles);
-    for (uint32_t i = 0; i < f->frames; i++)
-        sum += f->frame_ms[i];
-    double mean = sum / f->frames, median = percentile(f->frame_ms, f->frames, 0.5);
-    double p99 = percentile(f->frame_ms, f->frames, 0.99);
+    hw_summary ms;
+    HW_TRY(hw_summarize(f->frame_ms, 1, f->frames, &ms));
     printf("%s: %u frames, %.2f ms each (median %.2f, p99 %.2f), %.0f triangles\n",
-           hw_config_name(r->config), f->frames, mean, median, p99,
+           hw_config_name(r->config), f->frames, ms.mean, ms.median, ms.p99,
            (double)f->triangles / f->frames);
     if (!options.json)
         return HW_OK;
@@ -373,9 +348,9 @@ static hw_status report(render *r)
     hw_json_add_numbers(json, "size", (double[]){options.size[0], options.size[1]}, 2);
     hw_json_add_number(json, "frames", f->frames);
     cJSON *times = add_object(json, "frame_ms");
-    hw_json_add_number(times, "mean", mean);
-    hw_json_add_number(times, "median", median);
-    hw_json_add_number(times, "p99", p99);
+    hw_json_add_number(times, "mean", ms.mean);
+    hw_json_add_number(times, "median", ms.median);
+    hw_json_add_number(times, "p99", ms.p99);
     cJSON *triangles = add_object(json, "triangles");
     hw_json_add_number(triangles, "mean", (double)f->triangles / f->frames);
     hw_json_add_number(triangles, "max", (double)f->triangles_max);
@@ -415,7 +390,6 @@ out:
     hw_target_destroy(r.target);
     hw_context_destroy(r.context);
     hw_image_free(&r.image);
-    hw_image_free(&r.rgb);
     hw_scene_free(&r.scene);
     hw_tour_free(&r.tour);
     hw_free(r.figures.frame_ms);

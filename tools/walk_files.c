@@ -19,19 +19,6 @@ static hw_status free_name(const char *stem, const char *extension, char *out, s
     return hw_fail(HW_LIMIT, "%s_0001%s to %s_9999%s all exist", stem, extension, stem, extension);
 }
 
-// Alpha marks objects; a picture has none.
-static hw_status write_opaque(const char *path, const hw_image *rgba)
-{
-    hw_image rgb = {0};
-    HW_TRY(hw_image_make(&rgb, rgba->width, rgba->height, 3));
-    size_t pixels = (size_t)rgba->width * rgba->height;
-    for (size_t i = 0; i < pixels; i++)
-        memcpy(rgb.data + 3 * i, rgba->data + 4 * i, 3);
-    hw_status status = hw_image_write(path, &rgb);
-    hw_image_free(&rgb);
-    return status;
-}
-
 // Draws the view once more off screen: no HUD, and whole whatever covers the window.
 hw_status walk_screenshot(walk *w, const hw_camera *camera, char *name, size_t capacity)
 {
@@ -43,7 +30,7 @@ hw_status walk_screenshot(walk *w, const hw_camera *camera, char *name, size_t c
     hw_target_bind(target);
     HW_GO(walk_draw_view(w, camera));
     HW_GO(hw_target_read(target, &image));
-    HW_GO(write_opaque(name, &image));
+    HW_GO(hw_image_write_opaque(name, &image));
 out:
     hw_image_free(&image);
     hw_target_destroy(target);

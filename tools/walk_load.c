@@ -14,14 +14,6 @@
 
 // ---- What is walked through
 
-static bool is_folder(const char *path)
-{
-    char *inside = NULL;
-    bool folder = hw_path_join(&inside, path, ".") == HW_OK && hw_path_exists(inside);
-    hw_free(inside);
-    return folder;
-}
-
 // Chooses the first configuration; C is for datasets only.
 static hw_status choose_config(walk *w)
 {
@@ -40,7 +32,7 @@ hw_status walk_open(walk *w, const char *path)
     w->path = path;
     const char *slash = strrchr(path, '/');
     w->name = slash && slash[1] ? slash + 1 : path;
-    w->is_dataset = hw_location_is_url(path) || is_folder(path);
+    w->is_dataset = hw_location_is_url(path) || hw_path_is_folder(path);
     if (!w->is_dataset && !hw_path_exists(path))
         return hw_fail(HW_NOT_FOUND, "%s: no such dataset or scene", path);
     if (w->is_dataset)
@@ -59,7 +51,7 @@ hw_status walk_open(walk *w, const char *path)
     // Better told now than after the walk.
     char *folder = NULL;
     HW_TRY(hw_path_dir(&folder, walk_opt.record));
-    bool there = is_folder(folder);
+    bool there = hw_path_is_folder(folder);
     hw_free(folder);
     return there ? HW_OK : hw_fail(HW_IO, "%s: its folder does not exist", walk_opt.record);
 }
