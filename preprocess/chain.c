@@ -81,8 +81,8 @@ static hw_status finish_level(void *context, uint64_t index, uint32_t thread)
     float outline;
     HW_TRY(hw_surface_deviation(m->rays, m->original, level, samples_of(m->original), l, &surface));
     HW_TRY(hw_outline_deviation(m->outline, level, &outline));
-    if (!(hw_outline_length(m->outline) > 0))
-        outline = surface.p99; // flat, it has no outline to be seen from aside
+    if (!(hw_outline_length(m->outline) > 0)) // a flat sheet: its rim is a small part of it
+        outline = surface.max;
     *info = (hw_mesh_level_info){level->vertex_count,
                                  level->index_count,
                                  surface.rms,

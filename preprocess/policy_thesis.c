@@ -204,14 +204,35 @@ static void cull(const hw_svmesh_job *job, const hw_mesh *level, const weighing 
     mesh->index_count = n;
 }
 
+// Vertices that share their place with another: along seams of texture coordinates or hard edges,
+// which would open if each side moved by itself.
+static hw_status lock_seams(const hw_mesh *level, bool **out)
+{
+    hw_status status = HW_OK;
+    uint32_t *same = NULL;
+    *out = NULL;
+    HW_GO(HW_NEW(&same, level->vertex_count));
+    HW_GO(hw_mesh_weld_map(level, same));
+    HW_GO(HW_NEW(out, level->vertex_count));
+    for (uint32_t v = 0; v < level->vertex_count; v++)
+        if (same[v] != v)
+            (*out)[v] = (*out)[same[v]] = true;
+out:
+    hw_free(same);
+    return status;
+}
+
 static hw_status collapse(const hw_svmesh_job *job, const hw_mesh *level, const weighing *w,
                           hw_view_mesh *out)
 {
     hw_status status;
     hw_collapser *c = NULL;
     uint32_t *kept = NULL;
+    bool *locked = NULL;
+    HW_GO(lock_seams(level, &locked));
     HW_GO(hw_collapser_create((const double(*)[3])w->mesh.positions, w->mesh.vertex_count,
-                              w->mesh.indices, w->mesh.index_count / 3, NULL, HW_COMPLEX_LOCK, &c));
+                              w->mesh.indices, w->mesh.index_count / 3, locked, HW_COMPLEX_LOCK,
+                              &c));
     hw_multiview_metric context = {
         .base = {(const float(*)[3])w->normals, (const float(*)[2])w->images[0], w->weights},
         .view_count = w->view_count,
@@ -232,6 +253,7 @@ static hw_status collapse(const hw_svmesh_job *job, const hw_mesh *level, const 
     cull(job, level, w, kept, out);
     HW_GO(hw_view_mesh_compact(out));
 out:
+    hw_free(locked);
     hw_free(kept);
     hw_collapser_destroy(c);
     return status;

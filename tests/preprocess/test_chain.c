@@ -83,12 +83,45 @@ static void levels_that_are_not_drawn_have_none(void **state)
     hw_chain_free(&chain);
 }
 
+// A round sheet that lies flat, with a dark band: from aside it has no outline, but levels are off
+// all the same.
+static void a_flat_sheet_has_errors(void **state)
+{
+    (void)state;
+    const hw_chain_options options = {.pull_back = -1, .shade_step = 2};
+    hw_mesh mesh = shape_plane(hw_v3(-1, -1, 5), hw_v3(2, 0, 0), hw_v3(0, 2, 0), 40, 40);
+    hw_chain chain;
+    hw_free(mesh.uvs);
+    mesh.uvs = NULL;
+    assert_int_equal(HW_NEW(&mesh.colors, mesh.vertex_count), HW_OK);
+    for (uint32_t v = 0; v < mesh.vertex_count; v++)
+        memset(&mesh.colors[v], fabsf(mesh.positions[v].x) < 0.2f ? 50 : 250, sizeof *mesh.colors);
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < mesh.index_count; i += 3) {
+        hw_vec3 p = mesh.positions[mesh.indices[i]];
+        if (hypotf(p.x, p.y) > 0.9f)
+            continue;
+        memmove(mesh.indices + kept, mesh.indices + i, 3 * sizeof *mesh.indices);
+        kept += 3;
+    }
+    mesh.index_count = kept;
+    assert_int_equal(hw_chain_make(&mesh, &options, &chain), HW_OK);
+    const hw_mesh_level_info *last = &chain.infos[chain.level_count - 1];
+    assert_true(chain.level_count > 4);
+    assert_true(last->error_silhouette > 0.001f && last->error_silhouette < 1);
+    assert_true(last->error_shading > 0.001f && last->error_shading < 1);
+    assert_int_equal(hw_chain_level_by_silhouette(&chain, 0), 0);
+    hw_chain_free(&chain);
+    hw_mesh_free(&mesh);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_band_is_an_error_of_shading),
         cmocka_unit_test(it_is_a_length),
         cmocka_unit_test(levels_that_are_not_drawn_have_none),
+        cmocka_unit_test(a_flat_sheet_has_errors),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -73,52 +73,74 @@ static void one_level_each_whatever_was_asked(void **state)
     hw_scene_free(&s.scene);
 }
 
-// Poles at all heights: what a group has promised to draw lies in front of its captures, and fits.
-static void what_is_served_can_be_captured(void **state)
+// What groups have promised to draw of an object with this box, in 60 cells: it lies in front of
+// their captures, and fits. Returns how often they did.
+static uint32_t check_served(hw_box box, hw_rng *rng)
+{
+    const hw_mat4 here = hw_mat4_identity();
+    hw_mesh mesh = shape_box(box, false);
+    uint32_t served = 0;
+    hw_groups *groups;
+    stage s;
+    set_stage(&s);
+    hw_scene_free(&s.scene);
+    s.scene = shape_scene(&mesh, &here, 1);
+    s.infos[0] = (hw_mesh_level_info){.index_count = s.scene.meshes[0].index_count};
+    s.chains[0] = (hw_chain){1, &s.scene.meshes[0], &s.infos[0]};
+    groups = make_groups(&s);
+    for (int k = 0; k < 60; k++) {
+        hw_cell_id cell = {0, (int32_t)hw_rng_below(rng, 40), (int32_t)hw_rng_below(rng, 40)};
+        for (int32_t l = 1; l < LEVELS; l++) {
+            hw_cell_id group = hw_cell_ancestor(cell, l);
+            if (!hw_groups_leave_to(groups, group, 0))
+                continue;
+            hw_cell_view view = hw_cell_view_make(&s.grid, group);
+            hw_vec3 corners[8], to = hw_v3_sub(hw_box_centre(box), view.centre);
+            const hw_svmesh_job job = {.view = &view,
+                                       .options = &s.far,
+                                       .distance = hw_region_distance_to(&s.grid, group, box)};
+            double planes[8][3];
+            hw_plane_bounds bounds;
+            hw_capture_window window;
+            int face = hw_face_towards(to.x, to.y);
+            for (uint32_t c = 0; c < 8; c++)
+                corners[c] = hw_box_corner(box, c);
+            assert_true(hw_plane_project_all(view.centre, face, corners, 8, planes, &bounds));
+            assert_true(hw_capture_window_fit(&job, view.centre, face, &bounds, &window));
+            served++;
+        }
+    }
+    hw_groups_destroy(groups);
+    hw_scene_free(&s.scene);
+    return served;
+}
+
+// Poles at all heights.
+static void poles_that_are_served_can_be_captured(void **state)
 {
     (void)state;
     hw_rng rng = hw_rng_make(5, 5);
     uint32_t served = 0;
     for (int i = 0; i < 60; i++) {
-        stage s;
         float x = 900 * (hw_rng_float(&rng) - 0.5f), y = 900 * (hw_rng_float(&rng) - 0.5f),
               z = 500 * hw_rng_float(&rng);
-        hw_mesh pole = shape_box((hw_box){{x, y, z}, {x + 0.2f, y + 0.2f, z + 100}}, false);
-        const hw_mat4 here = hw_mat4_identity();
-        hw_groups *groups;
-        set_stage(&s);
-        hw_scene_free(&s.scene);
-        s.scene = shape_scene(&pole, &here, 1);
-        s.infos[0] = (hw_mesh_level_info){.index_count = s.scene.meshes[0].index_count};
-        s.chains[0] = (hw_chain){1, &s.scene.meshes[0], &s.infos[0]};
-        groups = make_groups(&s);
-        hw_box box = s.scene.objects[0].bounds;
-        for (int k = 0; k < 60; k++) {
-            hw_cell_id cell = {0, (int32_t)hw_rng_below(&rng, 40), (int32_t)hw_rng_below(&rng, 40)};
-            for (int32_t l = 1; l < LEVELS; l++) {
-                hw_cell_id group = hw_cell_ancestor(cell, l);
-                if (!hw_groups_leave_to(groups, group, 0))
-                    continue;
-                hw_cell_view view = hw_cell_view_make(&s.grid, group);
-                hw_vec3 corners[8], to = hw_v3_sub(hw_box_centre(box), view.centre);
-                const hw_svmesh_job job = {.view = &view,
-                                           .options = &s.far,
-                                           .distance = hw_region_distance_to(&s.grid, group, box)};
-                double planes[8][3];
-                hw_plane_bounds bounds;
-                hw_capture_window window;
-                int face = hw_face_towards(to.x, to.y);
-                for (uint32_t c = 0; c < 8; c++)
-                    corners[c] = hw_box_corner(box, c);
-                assert_true(hw_plane_project_all(view.centre, face, corners, 8, planes, &bounds));
-                assert_true(hw_capture_window_fit(&job, view.centre, face, &bounds, &window));
-                served++;
-            }
-        }
-        hw_groups_destroy(groups);
-        hw_scene_free(&s.scene);
+        served += check_served((hw_box){{x, y, z}, {x + 0.2f, y + 0.2f, z + 100}}, &rng);
     }
     assert_true(served > 1000);
+}
+
+// Clouds: high above, they are much larger on the upright plane of a capture than to the eye.
+static void clouds_that_are_served_can_be_captured(void **state)
+{
+    (void)state;
+    hw_rng rng = hw_rng_make(6, 6);
+    uint32_t served = 0;
+    for (int i = 0; i < 120; i++) {
+        float x = 2000 + 3000 * hw_rng_float(&rng), y = 400 * hw_rng_float(&rng),
+              z = 10000 * hw_rng_float(&rng), size = 100 + 500 * hw_rng_float(&rng);
+        served += check_served((hw_box){{x, y, z}, {x + size, y + size, z + 20}}, &rng);
+    }
+    assert_true(served > 100);
 }
 
 // Levels of a chain may reach beyond the object, which a group has promised to draw by its box.
@@ -150,7 +172,8 @@ static void no_error_is_above_its_bound(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(one_level_each_whatever_was_asked),
-                                       cmocka_unit_test(what_is_served_can_be_captured),
+                                       cmocka_unit_test(poles_that_are_served_can_be_captured),
+                                       cmocka_unit_test(clouds_that_are_served_can_be_captured),
                                        cmocka_unit_test(no_error_is_above_its_bound)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

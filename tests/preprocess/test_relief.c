@@ -216,6 +216,33 @@ static void no_edge_is_cut_off(void **state)
     }
 }
 
+// Rays may all miss what is much thinner than a texel: it is shown in its colours or not at all.
+static void what_is_thin_is_not_black(void **state)
+{
+    (void)state;
+    hw_rng rng = hw_rng_make(8, 8);
+    uint32_t shown = 0, gone = 0;
+    for (int i = 0; i < 60; i++) {
+        stage s;
+        float wide = 0.02f + 0.5f * hw_rng_float(&rng), x = 300 + 600 * hw_rng_float(&rng);
+        set_stage(&s, shape_box((hw_box){{x, 5, 0}, {x + wide, 5 + wide, 40}}, false));
+        s.far.relief_px = 0;
+        bool is_near;
+        hw_svmesh mesh;
+        assert_int_equal(hw_svmesh_derive(&s.job, &is_near, &mesh), HW_OK);
+        assert_false(is_near);
+        uint32_t met = 0;
+        for (uint32_t k = 0; k < mesh.capture.width * mesh.capture.height; k++)
+            met += mesh.capture.colors[k].a != 0;
+        assert_true(met > 0 || mesh.record.index_count == 0);
+        shown += met > 0;
+        gone += met == 0;
+        hw_svmesh_free(&mesh);
+        clear_stage(&s);
+    }
+    assert_true(shown > 30 && gone < 10);
+}
+
 static void memory_may_end_anywhere(void **state)
 {
     (void)state;
@@ -246,6 +273,7 @@ int main(void)
         cmocka_unit_test(what_opens_gaps_is_refused),
         cmocka_unit_test(backs_of_sheets_are_refused),
         cmocka_unit_test(no_edge_is_cut_off),
+        cmocka_unit_test(what_is_thin_is_not_black),
         cmocka_unit_test(memory_may_end_anywhere),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
