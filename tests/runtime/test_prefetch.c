@@ -192,7 +192,10 @@ static void test_first_frame_is_tight(void **state)
 {
     fixture *f = *state;
     const uint64_t cell = STREAM_ATLAS * STREAM_ATLAS * 4, ball = 64 * 32 * (24 + 12);
-    hw_camera camera = model_camera(hw_v3(12.5f, 12.5f, 0), hw_v3(0.7f, 0.7f, 0), SIZE);
+    const hw_hexgrid *grid = &f->dataset.manifest.grid;
+    hw_vec3 centre = hw_cell_centre(grid, hw_hexgrid_locate(grid, 0, 0));
+    hw_camera camera =
+        model_camera(hw_v3_add(centre, hw_v3(12.5f, 12.5f, 0)), hw_v3(0.7f, 0.7f, 0), SIZE);
     for (uint64_t bytes = cell / 8; bytes <= 2 * cell; bytes += ball / 8) {
         const hw_streaming streaming = {
             .loading = HW_LOADING_SIMULATED, .gpu_budget = bytes, .bytes_per_second = 1000000};
