@@ -131,22 +131,15 @@ hw_vec3 hw_mat4_direction(const hw_mat4 *m, hw_vec3 d)
                  (float)(a[2] * d.x + a[6] * d.y + a[10] * d.z));
 }
 
-static void cross(const double a[3], const double b[3], double out[3])
-{
-    out[0] = a[1] * b[2] - a[2] * b[1];
-    out[1] = a[2] * b[0] - a[0] * b[2];
-    out[2] = a[0] * b[1] - a[1] * b[0];
-}
-
 hw_vec3 hw_mat4_normal(const hw_mat4 *m, hw_vec3 n)
 {
     // The inverse transpose is the cofactor matrix over the determinant; its columns are the cross
     // products of m's columns. Only the determinant's sign (a mirror) survives normalising.
     const double *x = &m->m[0], *y = &m->m[4], *z = &m->m[8];
     double yz[3], zx[3], xy[3], v[3];
-    cross(y, z, yz);
-    cross(z, x, zx);
-    cross(x, y, xy);
+    hw_cross(y, z, yz);
+    hw_cross(z, x, zx);
+    hw_cross(x, y, xy);
     double determinant = x[0] * yz[0] + x[1] * yz[1] + x[2] * yz[2];
     for (int i = 0; i < 3; i++)
         v[i] = yz[i] * n.x + zx[i] * n.y + xy[i] * n.z;

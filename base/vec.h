@@ -113,6 +113,14 @@ hw_mat4 hw_mat4_identity(void);
 hw_mat4 hw_mat4_mul(hw_mat4 a, hw_mat4 b);
 // False (and *out the identity) when singular.
 bool hw_mat4_inverse(hw_mat4 a, hw_mat4 *out);
+// out = a x b, in double; out is none of them.
+static inline void hw_cross(const double a[3], const double b[3], double out[3])
+{
+    out[0] = a[1] * b[2] - a[2] * b[1];
+    out[1] = a[2] * b[0] - a[0] * b[2];
+    out[2] = a[0] * b[1] - a[1] * b[0];
+}
+
 // The largest factor by which an affine matrix stretches a length: exact for rotations with uniform
 // scale, else an upper bound (Gershgorin's on A^T A).
 double hw_mat4_stretch(const hw_mat4 *m);

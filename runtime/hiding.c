@@ -62,12 +62,6 @@ static double dot(const double a[3], const double b[3])
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-static void cross(const double a[3], const double b[3], double out[3])
-{
-    for (int k = 0; k < 3; k++)
-        out[k] = a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3];
-}
-
 static void normalise(double v[3])
 {
     double length = sqrt(dot(v, v));
@@ -90,9 +84,9 @@ void hw_hiding_begin(hw_hiding *h, const hw_camera *camera)
     put(h->forward, camera->forward);
     put(up, camera->up);
     normalise(h->forward);
-    cross(h->forward, up, h->right);
+    hw_cross(h->forward, up, h->right);
     normalise(h->right);
-    cross(h->forward, h->right, h->down);
+    hw_cross(h->forward, h->right, h->down);
     double bit = ceil(fmax(width, height) / (TILES_MAX * TILE)); // in pixels
     h->step = bit / focal;
     h->left = (-width / 2 - (double)camera->jitter_x) / focal;
@@ -169,12 +163,12 @@ static bool faces_of(const hw_hiding *h, const hw_mat4 *transform, hw_box box, f
         for (int k = 0; k < 3; k++)
             to[end][k] = m[k] * ends[end][0] + m[4 + k] * ends[end][1] + m[8 + k] * ends[end][2] +
                          m[12 + k] - h->eye[k];
-    cross(axes[0], axes[1], normal);
+    hw_cross(axes[0], axes[1], normal);
     double turned = dot(normal, axes[2]);
     out->front_count = out->back_count = 0;
     for (int k = 0; k < 3; k++)
         for (int end = 0; end < 2; end++) {
-            cross(axes[(k + 1) % 3], axes[(k + 2) % 3], normal);
+            hw_cross(axes[(k + 1) % 3], axes[(k + 2) % 3], normal);
             double outward = (end == 1) == (turned > 0) ? 1 : -1;
             double away = dot(normal, to[end]);
             if (away * outward == 0 || !isfinite(away))

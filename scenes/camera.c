@@ -5,13 +5,6 @@ typedef struct basis {
     double right[3], up[3], back[3];
 } basis;
 
-static void cross(const double a[3], const double b[3], double out[3])
-{
-    out[0] = a[1] * b[2] - a[2] * b[1];
-    out[1] = a[2] * b[0] - a[0] * b[2];
-    out[2] = a[0] * b[1] - a[1] * b[0];
-}
-
 static void normalize(double a[3])
 {
     double l = sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]);
@@ -24,9 +17,9 @@ static basis basis_of(const hw_camera *c)
     basis b = {.back = {-(double)c->forward.x, -(double)c->forward.y, -(double)c->forward.z}};
     const double up[3] = {c->up.x, c->up.y, c->up.z};
     normalize(b.back);
-    cross(up, b.back, b.right);
+    hw_cross(up, b.back, b.right);
     normalize(b.right);
-    cross(b.back, b.right, b.up);
+    hw_cross(b.back, b.right, b.up);
     return b;
 }
 

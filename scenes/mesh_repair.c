@@ -136,9 +136,7 @@ static void area_vector(const hw_mesh *mesh, const uint32_t *t, double out[3])
     hw_vec3 a = mesh->positions[t[0]], b = mesh->positions[t[1]], c = mesh->positions[t[2]];
     double u[3] = {(double)b.x - a.x, (double)b.y - a.y, (double)b.z - a.z};
     double v[3] = {(double)c.x - a.x, (double)c.y - a.y, (double)c.z - a.z};
-    out[0] = u[1] * v[2] - u[2] * v[1];
-    out[1] = u[2] * v[0] - u[0] * v[2];
-    out[2] = u[0] * v[1] - u[1] * v[0];
+    hw_cross(u, v, out);
 }
 
 static bool is_degenerate(const hw_mesh *mesh, const uint32_t *t)

@@ -16,12 +16,6 @@ static bool find_up(const hw_mat4 *transform, double up[3])
     return up[2] <= 0 || hypot(up[0], up[1]) > TILT_MIN;
 }
 
-static void cross(const double a[3], const double b[3], double out[3])
-{
-    for (int k = 0; k < 3; k++)
-        out[k] = a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3];
-}
-
 // Rotations: *turn takes up to z, *back is its inverse. A quarter turn is exact.
 static void make_turn(const double up[3], hw_mat4 *turn, hw_mat4 *back)
 {
@@ -36,7 +30,7 @@ static void make_turn(const double up[3], hw_mat4 *turn, hw_mat4 *back)
     }
     for (int k = 0; k < 3; k++)
         axes[0][k] /= sqrt(length);
-    cross(axes[2], axes[0], axes[1]);
+    hw_cross(axes[2], axes[0], axes[1]);
     *turn = *back = hw_mat4_identity();
     for (int row = 0; row < 3; row++)
         for (int k = 0; k < 3; k++)

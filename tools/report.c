@@ -46,8 +46,12 @@ hw_status hw_report_make_samples(hw_report *report, uint32_t frame_count)
     return HW_OK;
 }
 
-static hw_status add_note(hw_report *report, const char *text)
+static hw_status add_note(hw_report *report, bool warns, const char *format, va_list arguments)
 {
+    char text[NOTE_CAPACITY];
+    vsnprintf(text, sizeof text, format, arguments);
+    if (warns)
+        hw_log_warning("%s", text);
     if (report->note_count == HW_REPORT_NOTES)
         return HW_OK;
     HW_TRY(hw_strdup(&report->notes[report->note_count], text));
@@ -57,23 +61,20 @@ static hw_status add_note(hw_report *report, const char *text)
 
 hw_status hw_report_note(hw_report *report, const char *format, ...)
 {
-    char text[NOTE_CAPACITY];
     va_list arguments;
     va_start(arguments, format);
-    vsnprintf(text, sizeof text, format, arguments);
+    hw_status status = add_note(report, false, format, arguments);
     va_end(arguments);
-    return add_note(report, text);
+    return status;
 }
 
 hw_status hw_report_warn(hw_report *report, const char *format, ...)
 {
-    char text[NOTE_CAPACITY];
     va_list arguments;
     va_start(arguments, format);
-    vsnprintf(text, sizeof text, format, arguments);
+    hw_status status = add_note(report, true, format, arguments);
     va_end(arguments);
-    hw_log_warning("%s", text);
-    return add_note(report, text);
+    return status;
 }
 
 const char *hw_metric_name(hw_metric metric)

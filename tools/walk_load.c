@@ -200,6 +200,7 @@ static void show_config(walk *w, hw_config config)
     w->config = config;
     w->shown = w->renderers[config];
     w->waiting = false;
+    w->rss_bytes = hw_rss_bytes();
     walk_say(w, WALK_MESSAGE_MS, "Configuration %s%s", walk_config_title(config),
              w->frame_count == 0 ? ": F1 lists the keys" : "");
     walk_show_title(w);
